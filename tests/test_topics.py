@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import typing
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import jsonschema
 import pytest
 from mcap.reader import make_reader
 
@@ -13,11 +16,25 @@ from fti.bus.shapes import ANY_OUTPUT, shape_of
 from fti.cli.main import main
 from fti.hil.truth_log import END_TOPIC, LATE_TOPIC, MEASUREMENT, TOPIC
 from fti.logger import schemas
+from fti.logger.encoding import encode
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.messages.measurements import Measurement
 from fti.messages.outputs import Output
+from fti.messages.tables import from_table, to_table
 from fti.messages.topic_fields import fields
-from fti.messages.topics import FileKind, Topic, topics
+from fti.messages.topics import (
+    ALARM_TOPIC,
+    CLOCK_TOPIC,
+    EVENT_TOPIC,
+    HEALTH_TOPIC,
+    LEDGER_TOPIC,
+    NOTE_CLASSES,
+    TICK_TOPIC,
+    FileKind,
+    Topic,
+    topics,
+)
 from fti.messages.topics_page import page
 from tests.helpers import ROOT
 
@@ -51,6 +68,42 @@ def test_every_recorded_topic_has_a_row(session: Path) -> None:
                 assert row.schema == schema, topic
                 count += 1
     assert count > 20
+
+
+@pytest.mark.parametrize("session", SESSIONS, ids=lambda path: path.parent.name)
+def test_every_recorded_note_fits_its_schema_and_is_its_class(session: Path) -> None:
+    """Read into its class and written again, a note has the same bytes."""
+    recording, found = Recording.open(session), set()
+    validators = {
+        t: jsonschema.Draft7Validator(json.loads(schemas.note_schema(t).data)) for t in (*NOTE_CLASSES, EVENT_TOPIC)
+    }
+    for topic, _, _, _, data in [item for kind in ("raw", "derived") for item in recording.messages(kind=kind)]:
+        if not topic.startswith("/fti/") or topic == TICK_TOPIC:
+            continue
+        found.add(topic)
+        note = json.loads(data)
+        validators[topic].validate(note)
+        if topic != EVENT_TOPIC:
+            assert encode(to_table(from_table(NOTE_CLASSES[topic], note))) == data
+    assert found >= {EVENT_TOPIC, HEALTH_TOPIC, LEDGER_TOPIC, CLOCK_TOPIC, ALARM_TOPIC}
+
+
+def open_tables(schema: Any, path: str) -> Iterator[str]:
+    """Objects of a schema that do not say what they hold."""
+    if isinstance(schema, dict):
+        if schema.get("type") == "object" and not schema.get("properties") and "additionalProperties" not in schema:
+            yield path
+        for name, inner in schema.items():
+            yield from open_tables(inner, f"{path}.{name}")
+
+
+@pytest.mark.parametrize("topic", NOTE_CLASSES)
+def test_a_schema_describes_all_that_a_note_holds(topic: str) -> None:
+    schema = json.loads(schemas.note_schema(topic).data)
+    assert list(open_tables(schema, topic)) == []
+    assert schema["required"][0] == "t_ns" and not set(schema["required"]) & {"complete", "since_ns"}
+    (row,) = rows_of(topic)
+    assert row.content is NOTE_CLASSES[topic]
 
 
 @pytest.mark.parametrize("topic", [TOPIC, LATE_TOPIC, END_TOPIC, f"{MEASUREMENT}gnss"])
@@ -99,7 +152,8 @@ def test_the_command_lists_and_describes(capsys: pytest.CaptureFixture[str]) -> 
     assert "  roll_sd                  number or null                           rad" in described.splitlines()
     assert main(["topics", "/health", "--json"]) == 0
     (health,) = json.loads(capsys.readouterr().out)
-    assert (health["name"], health["files"], health["fields"]) == ("/fti/health", ["raw"], [])
+    assert (health["name"], health["files"]) == ("/fti/health", ["raw"])
+    assert {"name": "links.<name>.rate_hz", "type": "number, may be absent", "unit": "Hz"} in health["fields"]
 
 
 def test_an_unknown_topic_is_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,19 +17,9 @@ from typing import Any
 from fti.logger import foxglove
 from fti.logger.encoding import encode
 from fti.messages.outputs import Event, HeightAboveGround
+from fti.messages.tables import Absent, present_members
 from fti.messages.topic_fields import units
-from fti.messages.topics import (
-    ALARM_REPORT_TOPIC,
-    ALARM_TOPIC,
-    CLOCK_TOPIC,
-    DEVICE_CLOCK_TOPIC,
-    EVENT_TOPIC,
-    GAP_TOPIC,
-    HEALTH_TOPIC,
-    LEDGER_TOPIC,
-    READMISSION_TOPIC,
-    TERRAIN_TOPIC,
-)
+from fti.messages.topics import EVENT_TOPIC, NOTE_CLASSES, schema_name
 from fti.messages.units import union_members
 
 JSON_SCHEMA = "jsonschema"
@@ -61,14 +51,14 @@ def json_schema(cls: type) -> Json:
     definitions: Json = {}
     root = _object_schema(cls, definitions)
     description = {"description": DESCRIPTIONS[cls]} if cls in DESCRIPTIONS else {}
-    return {"$schema": DRAFT, "title": f"fti.{cls.__name__}", **description, **root, "definitions": definitions}
+    return {"$schema": DRAFT, "title": schema_name(cls), **description, **root, "definitions": definitions}
 
 
 def schema_of(cls: type) -> Schema:
     """The JSON schema of a dataclass as an MCAP schema."""
     if cls not in _SCHEMAS:
         text = json.dumps(json_schema(cls), separators=(",", ":"))
-        _SCHEMAS[cls] = Schema(f"fti.{cls.__name__}", JSON_SCHEMA, text.encode())
+        _SCHEMAS[cls] = Schema(schema_name(cls), JSON_SCHEMA, text.encode())
     return _SCHEMAS[cls]
 
 
@@ -78,11 +68,12 @@ def _object_schema(cls: Any, definitions: Json) -> Json:
     properties = {name: _field_schema(hints[name], definitions) for name in names}
     for name in properties.keys() & units(cls).keys():
         properties[name]["description"] = f"[{units(cls)[name]}]"
-    return {"type": "object", "properties": properties, "required": list(names)}
+    required = [name for name in names if Absent not in union_members(hints[name])]
+    return {"type": "object", "properties": properties, "required": required}
 
 
 def _field_schema(hint: Any, definitions: Json) -> Json:
-    members = union_members(hint)
+    members = present_members(hint)
     bare = next(member for member in members if member is not type(None))
     schema = _bare_schema(bare, definitions)
     return _nullable(schema, bare, definitions) if len(members) > 1 or bare is float else schema
@@ -94,6 +85,9 @@ def _bare_schema(hint: Any, definitions: Json) -> Json:
         return {"type": simple[hint]}
     if typing.get_origin(hint) is tuple:
         return {"type": "array", "items": _field_schema(typing.get_args(hint)[0], definitions)}
+    if typing.get_origin(hint) is dict:
+        entries = _field_schema(typing.get_args(hint)[1], definitions)
+        return {"type": "object", "properties": {}, "additionalProperties": entries}
     if issubclass(hint, StrEnum):
         return {"type": "string", "enum": [member.value for member in hint]}
     return _object_schema(hint, definitions)
@@ -107,103 +101,14 @@ def _nullable(schema: Json, hint: Any, definitions: Json) -> Json:
     return {**plain, "$ref": f"#/definitions/{name}"}
 
 
-# ------------------------------------------------------------------------------------------------------------ notes
-
-_INTEGER: Json = {"type": "integer"}
-_STRING: Json = {"type": "string"}
-_STRINGS: Json = {"type": "array", "items": _STRING}
-#: As in ``_nullable``: the type for viewers and, for validators, a reference to the same type or null.
-_OR_NULL: Json = {
-    f"{name}_or_null": {"anyOf": [{"type": name}, {"type": "null"}]} for name in ("string", "integer", "number")
-}
-_MAYBE_STRING, _MAYBE_INTEGER, _MAYBE_NUMBER = (
-    {"type": name.removesuffix("_or_null"), "$ref": f"#/definitions/{name}"} for name in _OR_NULL
-)
-_TABLE: Json = {"type": "object", "properties": {}}
-_COUNTS: Json = {f"{part}_{what}": _INTEGER for part in ("in", "recorded", "held") for what in ("frames", "bytes")}
-#: By reason; bytes are null where the kernel dropped an unknown number.
-_DROPPED: Json = {
-    **_TABLE,
-    "additionalProperties": {
-        "type": "object",
-        "properties": {"frames": _INTEGER, "bytes": {"type": ["integer", "null"]}},
-    },
-}
-#: in = recorded + held + dropped; see ``fti.service.recorder.link_ledger``.
-_ACCOUNT: Json = {"type": "object", "properties": {**_COUNTS, "dropped": _DROPPED}}
-_LINK_ACCOUNT: Json = {
-    "type": "object",
-    "properties": {**_ACCOUNT["properties"], "sent": _ACCOUNT, "errors": _TABLE, "stamp_refused": _INTEGER},
-}
-_RECORDER: Json = {"type": "object", "properties": dict.fromkeys(("pid", "started_ns", "first_seq"), _INTEGER)}
-#: Fields of notes that are recorded as changes; see ``fti.logger.note_changes``.
-_CHANGES: Json = {
-    "complete": {
-        "type": "boolean",
-        "description": "true: everything is in this record. false: an entry of links, devices or processes that is not "
-        "in this record has not changed since the record of this topic with log time since_ns; only its age_ms has "
-        "grown with the time. Without this field a record is complete.",
-    },
-    "since_ns": {
-        "type": "integer",
-        "description": "Log time of the record that this one continues; only where complete is false. When that record "
-        "is not there, the entries that are not in this one are unknown until the next complete record, at most 10 s.",
-    },
-}
-_NOTES: dict[str, tuple[str, Json]] = {
-    CLOCK_TOPIC: (
-        "fti.Clock",
-        {"t_ns": _INTEGER, "monotonic_ns": _INTEGER, "monotonic_raw_ns": _INTEGER, "realtime_ns": _INTEGER}
-        | {"width_ns": _INTEGER},
-    ),
-    LEDGER_TOPIC: (
-        "fti.Ledger",
-        {"t_ns": _INTEGER, **_CHANGES}
-        | {"recorder": _RECORDER, "next_seq": _INTEGER, "final": {"type": "boolean"}}
-        | {"ticks": _ACCOUNT, "links": {**_TABLE, "additionalProperties": _LINK_ACCOUNT}},
-    ),
-    HEALTH_TOPIC: (
-        "fti.Health",
-        {"t_ns": _INTEGER, **_CHANGES}
-        | {"session": _TABLE, "processes": _TABLE, "links": _TABLE, "devices": _TABLE}
-        | {"storage": _TABLE, "navigation": _TABLE},
-    ),
-    DEVICE_CLOCK_TOPIC: ("fti.DeviceClock", {"t_ns": _INTEGER, "clocks": _TABLE, "gnss": _TABLE}),
-    TERRAIN_TOPIC: (
-        "fti.Terrain",
-        {"t_ns": _INTEGER, "after_seq": _INTEGER, "name": _STRING, "sha256": _STRING, "fault": _STRING},
-    ),
-    READMISSION_TOPIC: ("fti.Readmission", {"t_ns": _INTEGER, "after_seq": _INTEGER, "source": _STRING}),
-    GAP_TOPIC: ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
-    ALARM_REPORT_TOPIC: (
-        "fti.AlarmReport",
-        {"t_ns": _INTEGER, "subject": _STRING, "id": _MAYBE_STRING, "severity": _MAYBE_STRING}
-        | {"title": _MAYBE_STRING, "cause": _MAYBE_STRING, "value": _MAYBE_NUMBER, "explained_by": _STRINGS}
-        | {"is_latched": {"type": "boolean"}},
-    ),
-    ALARM_TOPIC: (
-        "fti.Alarm",
-        {"t_ns": _INTEGER, "change": _STRING, "id": _STRING, "severity": _STRING, "title": _STRING, "cause": _STRING}
-        | {"value": _MAYBE_NUMBER, "first_ns": _INTEGER, "begin_ns": _INTEGER, "end_ns": _MAYBE_INTEGER}
-        | {"count": _INTEGER, "acknowledged_ns": _MAYBE_INTEGER, "acknowledged_by": _MAYBE_STRING},
-    ),
-}
-#: Topics whose fields may be null.
-WITH_NULLS = (ALARM_REPORT_TOPIC, ALARM_TOPIC)
-
-
 @cache
 def note_schema(topic: str) -> Schema:
     """Schema of a note of the service.  Raises ValueError for a topic without notes."""
     if topic == EVENT_TOPIC:
         return foxglove_schema("Log")
-    if topic not in _NOTES:
-        raise ValueError(f"{topic!r} is not a topic of notes; there are {EVENT_TOPIC}, {', '.join(_NOTES)}")
-    name, properties = _NOTES[topic]
-    table = {"$schema": DRAFT, "title": name, "type": "object", "properties": properties}
-    if topic in WITH_NULLS:
-        table["definitions"] = _OR_NULL
-    return Schema(name, JSON_SCHEMA, json.dumps(table, separators=(",", ":")).encode())
+    if topic not in NOTE_CLASSES:
+        raise ValueError(f"{topic!r} is not a topic of notes; there are {EVENT_TOPIC}, {', '.join(NOTE_CLASSES)}")
+    return schema_of(NOTE_CLASSES[topic])
 
 
 def encode_note(topic: str, obj: Any) -> bytes:

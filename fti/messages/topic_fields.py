@@ -9,6 +9,7 @@ from enum import StrEnum
 from functools import cache
 from typing import Annotated, Any, NamedTuple
 
+from fti.messages.tables import Absent, present_members
 from fti.messages.units import union_members, unit_symbol
 
 _NAMES = {float: "number", int: "integer", bool: "true or false", str: "text", types.NoneType: "null"}
@@ -29,7 +30,8 @@ def fields(cls: type) -> list[Field]:
         kind = _content(hint)
         if isinstance(kind, type) and dataclasses.is_dataclass(kind):
             nested: type = kind
-            found += [field._replace(name=f"{name}.{field.name}") for field in fields(nested)]
+            path = f"{name}.<name>" if _is_map(hint) else name
+            found += [field._replace(name=f"{path}.{field.name}") for field in fields(nested)]
         else:
             found.append(Field(name, _words(hint), unit_symbol(kind) or ""))
     return found
@@ -42,19 +44,28 @@ def units(cls: type) -> dict[str, str]:
 
 
 def _content(hint: Any) -> Any:
-    """The type of a value, or of the values of a list."""
+    """The type of a value, or of the values of a list or a table."""
     bare = next(member for member in union_members(hint) if member is not types.NoneType)
-    return _content(typing.get_args(bare)[0]) if typing.get_origin(bare) is tuple else bare
+    return _content(typing.get_args(bare)[-1 if _is_map(bare) else 0]) if _is_container(bare) else bare
+
+
+def _is_map(hint: Any) -> bool:
+    return any(typing.get_origin(member) is dict for member in union_members(hint))
+
+
+def _is_container(hint: Any) -> bool:
+    return typing.get_origin(hint) in (tuple, dict)
 
 
 def _words(hint: Any) -> str:
-    """``list of number``, ``number or null``, ``text: TimeScale``."""
-    if len(members := union_members(hint)) > 1:
+    """``list of number``, ``number or null``, ``text: TimeScale``, ``number, may be absent``."""
+    if Absent in (members := union_members(hint)):
+        return f"{' or '.join(map(_words, present_members(hint)))}, may be absent"
+    if len(members) > 1:
         return " or ".join(map(_words, members))
-    if typing.get_origin(hint) is Annotated:
-        return _words(typing.get_args(hint)[0])
-    if typing.get_origin(hint) is tuple:
-        return f"list of {_words(typing.get_args(hint)[0])}"
-    if issubclass(hint, StrEnum):
-        return f"text: {hint.__name__}"
-    return _NAMES[hint]
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        return _words(args[0])
+    if origin in (tuple, dict):
+        return f"list of {_words(args[0])}" if origin is tuple else f"{_words(args[1])} by name"
+    return f"text: {hint.__name__}" if issubclass(hint, StrEnum) else _NAMES[hint]

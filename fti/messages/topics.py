@@ -9,7 +9,18 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
+from fti.messages.health import HealthRecord
+from fti.messages.ledger import LedgerRecord
 from fti.messages.measurements import Ack, Calibration, Measurement
+from fti.messages.notes import (
+    AlarmRecord,
+    AlarmReportRecord,
+    ClockRecord,
+    DeviceClockRecord,
+    GapRecord,
+    ReadmissionRecord,
+    TerrainRecord,
+)
 from fti.messages.outputs import (
     ClearanceIntegrity,
     Event,
@@ -58,6 +69,23 @@ def snake_case(name: str) -> str:
 #: The classes by their names in topics.
 MEASUREMENT_CLASSES: dict[str, type] = {snake_case(cls.__name__): cls for cls in typing.get_args(Measurement)}
 OUTPUT_CLASSES: dict[str, type] = {snake_case(cls.__name__): cls for cls in typing.get_args(Output)}
+#: Class of the notes of each topic of the service, but of events, which are recorded as ``foxglove.Log``.
+NOTE_CLASSES: dict[str, type] = {
+    HEALTH_TOPIC: HealthRecord,
+    LEDGER_TOPIC: LedgerRecord,
+    CLOCK_TOPIC: ClockRecord,
+    ALARM_TOPIC: AlarmRecord,
+    GAP_TOPIC: GapRecord,
+    ALARM_REPORT_TOPIC: AlarmReportRecord,
+    DEVICE_CLOCK_TOPIC: DeviceClockRecord,
+    TERRAIN_TOPIC: TerrainRecord,
+    READMISSION_TOPIC: ReadmissionRecord,
+}
+
+
+def schema_name(kind: type) -> str:
+    """Name of the MCAP schema of a class: ``fti.Attitude``, ``fti.Health``."""
+    return f"fti.{kind.__name__.removesuffix('Record')}"
 
 
 def measurement_topic(device: str, kind: type) -> str:
@@ -77,7 +105,7 @@ class Topic:
     """A topic, or topics that differ by a name only.
 
     name    : <link>, <device>, <altimeter>, <source> stand for names of the configuration
-    content : class of its messages; None for bytes, and for notes whose schema is in their file
+    content : class of its messages; None for bytes, and for messages of the emulator
     schema  : name of the MCAP schema; "" for bytes, and for messages of the bus alone
     files   : kinds of the files that have it;  bus : its topic on the bus, "" without one
     """
@@ -130,7 +158,7 @@ def _measurement_topics() -> Iterator[Topic]:
             text=_subject(kind),
             rate="as decoded" if kind in UNDECIMATED else "as decoded, at most 25 Hz",
             content=kind,
-            schema=f"fti.{kind.__name__}",
+            schema=schema_name(kind),
             files=("derived",),
         )
 
@@ -153,7 +181,7 @@ def _output_topics() -> Iterator[Topic]:
             text=text,
             rate=rate,
             content=kind,
-            schema=f"fti.{kind.__name__}",
+            schema=schema_name(kind),
             files=("derived",),
             bus=topic,
             max_age_ms=None if kind is HeightAboveGround else OUTPUT_MAX_AGE_MS,
@@ -170,8 +198,9 @@ def _output_topics() -> Iterator[Topic]:
 def _notes() -> Iterator[Topic]:
     """Notes of the service."""
 
-    def note(name: str, kind: str, rate: str, text: str, *files: FileKind, bus: str = "") -> Topic:
-        return Topic(name=name, text=text, rate=rate, schema=kind, files=files, bus=bus)
+    def note(name: str, rate: str, text: str, *files: FileKind, bus: str = "") -> Topic:
+        kind = NOTE_CLASSES[name]
+        return Topic(name=name, text=text, rate=rate, content=kind, schema=schema_name(kind), files=files, bus=bus)
 
     yield Topic(
         name=EVENT_TOPIC,
@@ -183,16 +212,16 @@ def _notes() -> Iterator[Topic]:
         bus=BUS_EVENT,
     )
     states = "states of links, devices, storage and processes"
-    yield note(HEALTH_TOPIC, "fti.Health", "1 Hz; bus: 2 Hz", states, "raw", bus=BUS_HEALTH)
-    yield note(LEDGER_TOPIC, "fti.Ledger", "1 Hz", "account of the bytes and frames of each link", "raw")
-    yield note(CLOCK_TOPIC, "fti.Clock", "1 Hz", "FTI time against the clocks of the computer", "raw")
+    yield note(HEALTH_TOPIC, "1 Hz; bus: 2 Hz", states, "raw", bus=BUS_HEALTH)
+    yield note(LEDGER_TOPIC, "1 Hz", "account of the bytes and frames of each link", "raw")
+    yield note(CLOCK_TOPIC, "1 Hz", "FTI time against the clocks of the computer", "raw")
     changes = "begins, changes, ends and acknowledgements of alarms; bus: the list"
-    yield note(ALARM_TOPIC, "fti.Alarm", "on a change", changes, "raw", bus=BUS_ALARMS)
-    yield note(GAP_TOPIC, "fti.Gap", "on occurrence", "frames that are missing, and why", "raw", "derived")
-    yield note(ALARM_REPORT_TOPIC, "fti.AlarmReport", "on a change", "conditions of alarms in navigation", "derived")
-    yield note(DEVICE_CLOCK_TOPIC, "fti.DeviceClock", "1 Hz", "estimates of the clocks of the devices", "derived")
-    yield note(TERRAIN_TOPIC, "fti.Terrain", "on a change", "the terrain that navigation uses from here on", "derived")
-    yield note(READMISSION_TOPIC, "fti.Readmission", "on a command", "a source that the operator readmits", "derived")
+    yield note(ALARM_TOPIC, "on a change", changes, "raw", bus=BUS_ALARMS)
+    yield note(GAP_TOPIC, "on occurrence", "frames that are missing, and why", "raw", "derived")
+    yield note(ALARM_REPORT_TOPIC, "on a change", "conditions of alarms in navigation", "derived")
+    yield note(DEVICE_CLOCK_TOPIC, "1 Hz", "estimates of the clocks of the devices", "derived")
+    yield note(TERRAIN_TOPIC, "on a change", "the terrain that navigation uses from here on", "derived")
+    yield note(READMISSION_TOPIC, "on a command", "a source that the operator readmits", "derived")
 
 
 def _truth_topics() -> Iterator[Topic]:

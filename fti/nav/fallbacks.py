@@ -13,7 +13,7 @@ from typing import Any
 from fti.config import Config
 from fti.messages.measurements import Measurement
 from fti.messages.outputs import Event, HeightAboveGround, Output
-from fti.nav.carried_refusal import CarriedRefusal
+from fti.messages.refusals import CarriedRefusal
 from fti.nav.confirmation import Confirmation, Size
 from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState

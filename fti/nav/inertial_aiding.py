@@ -30,9 +30,9 @@ from fti.messages.measurements import (
 )
 from fti.messages.outputs import Event, FilterSolution, HeightAboveGround, ProvisionalSolution, VerticalSolution
 from fti.messages.reasons import Reason
+from fti.messages.refusals import CarriedRefusal
 from fti.nav.altimetry.nadir_height import altitude_over_terrain
 from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
-from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.confirmation import Confirmation, Size
 from fti.nav.dead_reckoning_aids import DeadReckoningAids
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states

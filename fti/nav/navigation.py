@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 from fti.config import AlertLimits
 from fti.messages.outputs import Event, NavSolution
 from fti.messages.reasons import Reason
+from fti.messages.refusals import CarriedRefusal
 from fti.nav.attitude_protection import AttitudeLevels
-from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.protection import FilterReference, Protection, compare_with_filter, is_beyond, stated_levels
 from fti.nav.source_check import SourceCheck
 from fti.nav.source_interpolation import AttitudeState, NavSource, PositionState

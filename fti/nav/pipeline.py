@@ -21,13 +21,13 @@ from fti.config import Config
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Velocity
 from fti.messages.outputs import Event, FilterSolution, HeightAboveGround, Output
 from fti.messages.reasons import Reason
+from fti.messages.refusals import CarriedRefusal
 from fti.nav.altimetry.agreement import AgreementCheck
 from fti.nav.altimetry.altimeter_channel import AltimeterChannel
 from fti.nav.altimetry.ground_check import GroundCheck
 from fti.nav.altimetry.refusals import RefusalEvents
 from fti.nav.altimetry.selection import HeightSelector
 from fti.nav.attitude_protection import AttitudeProtection
-from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.confirmation import ConfirmationMonitor, Size
 from fti.nav.integrity.approach_channel import make_channel
 from fti.nav.integrity.reference import ApproachReference

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from fti.messages.outputs import Event
 from fti.messages.reasons import Reason
-from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
+from fti.messages.refusals import CarriedRefusal, RefusedPart
 from fti.nav.protection import K_AXIS, K_RADIAL, FilterReference, differences
 from fti.nav.source_interpolation import PositionState
 

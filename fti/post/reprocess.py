@@ -28,8 +28,9 @@ from fti.logger.reading.json_message import parse_table, using_message, whole_nu
 from fti.logger.reading.recording import Recording
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
 from fti.messages.frames import ALL_SOURCES, RawFrame
+from fti.messages.refusals import CarriedRefusal
+from fti.messages.tables import from_table
 from fti.messages.topics import GAP_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
-from fti.nav.carried_refusal import CarriedRefusal, parse_refusals
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.terrain_reference import Ground
 from fti.service.navigation.decode_chain import Chain, ChainOutput
@@ -241,7 +242,7 @@ def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
     for topic, t_ns, _, _, data in recording.messages(GAP_TOPIC, kind="derived"):
         with using_message(topic, t_ns):
             note = parse_table(data)
-            refusals = parse_refusals(note.get("refusals", ()))
+            refusals = tuple(from_table(CarriedRefusal, row) for row in note.get("refusals", ()))
             restored = Restored(t_ns, refusals) if refusals else NOTHING_RESTORED
             gap = _text(note["kind"]), whole_number(note["after_seq"]), whole_number(note["before_seq"]), restored
         yield gap

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from fti.config import Config, StrictModel
 from fti.logger.storage_target import StorageTarget
+from fti.messages.refusals import CarriedRefusal
 
 
 class LinkStartup(StrictModel):
@@ -57,7 +57,7 @@ class NavigationStartup(StorageStartup):
     """Startup message of the navigation process.
 
     without_terrain : reason for not loading the configured terrain; None : load it
-    refusals : refusals of sources when the previous process ended (rows of ``fti.nav.carried_refusal``)
+    refusals : refusals of sources when the previous process ended
     """
 
     config: Config
@@ -65,6 +65,6 @@ class NavigationStartup(StorageStartup):
     texts: dict[str, str]
     bus: str  # its socket
     without_terrain: str | None = None
-    refusals: tuple[dict[str, Any], ...] = ()
+    refusals: tuple[CarriedRefusal, ...] = ()
     attachments: dict[str, str]
     metadata: dict[str, str]

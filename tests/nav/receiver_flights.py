@@ -29,7 +29,7 @@ from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, PressureAltitude, Stamp, Velocity
 from fti.messages.outputs import Event, FilterMode
 from fti.messages.reasons import Reason
-from fti.nav.carried_refusal import CarriedRefusal
+from fti.messages.refusals import CarriedRefusal
 from fti.nav.inertial_aiding import AidedNavigation
 
 Array = NDArray[np.float64]

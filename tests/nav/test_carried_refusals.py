@@ -8,7 +8,7 @@ import pytest
 from fti.messages.measurements import Attitude, Measurement, Position, Stamp, Velocity
 from fti.messages.outputs import Event, FilterMode, NavSolution, Output
 from fti.messages.reasons import Reason
-from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
+from fti.messages.refusals import CarriedRefusal, RefusedPart
 from fti.nav.pipeline import Pipeline
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.protection import FilterReference

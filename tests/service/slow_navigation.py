@@ -27,6 +27,8 @@ from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.messages.frames import TICK_LINK, TICK_PERIOD_NS, RawFrame
 from fti.messages.measurements import Attitude, ImuSample, Position, Stamp, Velocity
+from fti.messages.refusals import CarriedRefusal
+from fti.messages.tables import from_table
 from fti.post.reprocess import recorded_setup, reprocess
 from fti.service.control_channel import ControlChannel
 from fti.service.navigation import process
@@ -136,7 +138,7 @@ class World:
         self.ages: list[tuple[float, float, bool]] = []
         self.fed: list[int] = []
         self.finish_at_s: float | None = None
-        self.refusals: tuple[dict[str, Any], ...] = ()
+        self.refusals: tuple[CarriedRefusal, ...] = ()
         self._frames = _frames(duration_s, START_NS + lie_from_s * SECOND_NS)
         self._next = 0
         self._raw = RawLog(
@@ -255,11 +257,11 @@ class World:
         messages = [json.loads(line) for line in received.splitlines()]
         return [message["event"] for message in messages if message.get("event", {}).get("source") == "navigation"]
 
-    def last_refusals(self) -> list[dict[str, Any]]:
+    def last_refusals(self) -> list[CarriedRefusal]:
         """The last refusals that navigation sent to the supervisor."""
         messages = [json.loads(line) for line in self._far.recv(2**24).splitlines()]
-        refusals: list[list[dict[str, Any]]] = [message["refusals"] for message in messages if "refusals" in message]
-        return refusals[-1]
+        refusals = [message["refusals"] for message in messages if "refusals" in message]
+        return [from_table(CarriedRefusal, row) for row in refusals[-1]]
 
     def rows(self, topic: str) -> list[dict[str, Any]]:
         """The messages of a topic in the derived file."""

@@ -11,7 +11,8 @@ import pytest
 
 from fti.logger.reading.recording import Recording
 from fti.messages.reasons import Reason
-from fti.nav.carried_refusal import CarriedRefusal, RefusedPart, parse_refusals
+from fti.messages.refusals import CarriedRefusal, RefusedPart
+from fti.messages.tables import from_table
 from fti.service.startup import NavigationStartup
 from tests.service.slow_navigation import LAT_0, RADIUS, RATE, START_NS, World, north_at, outputs, reprocessed
 
@@ -41,8 +42,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlightRun]:
     world = World(tmp_path_factory.mktemp("again"), DURATION_S, cost, LIE_S)
     world.finish_at_s = END_S
     world.run()
-    world.refusals = tuple(world.last_refusals())
-    refusals = parse_refusals(world.refusals)
+    world.refusals = refusals = tuple(world.last_refusals())
     world.run()
     world.finish()
     yield FlightRun(world, refusals)
@@ -97,12 +97,12 @@ def test_it_is_repeated_by_reprocessing(flight: FlightRun, tmp_path: Path) -> No
 def test_the_startup_message_of_the_next_process_has_them(flight: FlightRun) -> None:
     """Through JSON, as the supervisor sends it."""
     startup = flight.world.startup()
-    assert parse_refusals(NavigationStartup.model_validate_json(startup.model_dump_json()).refusals) == flight.refusals
+    assert NavigationStartup.model_validate_json(startup.model_dump_json()).refusals == flight.refusals
 
 
 @pytest.mark.parametrize("wrong", [{"part": "all"}, {"reason": "no reason"}, {"onset_ns": "now"}, {"onset_ns": None}])
 def test_what_is_no_refusal_is_an_error(wrong: dict[str, Any]) -> None:
     row = {"source": "a", "part": "position", "reason": "jump", "onset_ns": 1, "is_standing": True, "size_m": 0.0}
-    assert parse_refusals([row])[0].source == "a"
-    with pytest.raises((ValueError, TypeError)):
-        parse_refusals([{**row, **wrong}])
+    assert from_table(CarriedRefusal, row).source == "a"
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        from_table(CarriedRefusal, {**row, **wrong})

@@ -20,7 +20,7 @@ from fti.messages.measurements import (
 )
 from fti.messages.outputs import Event, FilterSolution, Output, SourceValidity
 from fti.messages.reasons import Reason
-from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
+from fti.messages.refusals import CarriedRefusal, RefusedPart
 from fti.nav.plausibility.admission import Admission
 from fti.nav.plausibility.attitude import AttitudeComparison
 from fti.nav.plausibility.events import describe, describe_restored

@@ -20,7 +20,7 @@ import numpy as np
 from fti.config import Filter
 from fti.messages.outputs import Event
 from fti.messages.reasons import Reason
-from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
+from fti.messages.refusals import CarriedRefusal, RefusedPart
 from fti.nav.confirmation import Confirmation, Size
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate

@@ -16,9 +16,9 @@ from fti.drivers import Counters, Decoder, StatefulDecoder
 from fti.messages.frames import ALL_SOURCES, TICK_LINK, RawFrame
 from fti.messages.measurements import Measurement
 from fti.messages.outputs import Event, Output
+from fti.messages.refusals import CarriedRefusal
 from fti.messages.topics import ALARM_REPORT_TOPIC, DEVICE_CLOCK_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.nav.alarm_conditions import OutputConditions
-from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.device_time.device_times import DeviceTimes
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.pipeline import Pipeline

@@ -18,7 +18,6 @@ from fti.messages.frames import TICK_LINK, RawFrame
 from fti.messages.measurements import Ack
 from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
 from fti.messages.topics import ALARM_REPORT_TOPIC, OUTPUT_MAX_AGE_MS, output_topic
-from fti.nav.carried_refusal import parse_refusals
 from fti.service import terrain_retry
 from fti.service.control_channel import ControlChannel
 from fti.service.navigation.backlog import BacklogPolicy, SkipReporter
@@ -68,7 +67,7 @@ class NavigationProcess:
         self._latency = OutputLatency(self._last_ns)
         self._must_finish = False
         self._reported_fault: str | None = None
-        self._restored = parse_refusals(startup.refusals)
+        self._restored = startup.refusals
         self._refusals = list(self._restored)
 
     def _open_derived(self, startup: NavigationStartup) -> DerivedWriter:

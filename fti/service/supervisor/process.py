@@ -21,6 +21,8 @@ from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
 from fti.messages.frames import ALL_SOURCES
+from fti.messages.refusals import CarriedRefusal
+from fti.messages.tables import from_table
 from fti.service import control_channel, run_directory
 from fti.service.children import Child, ProcessState
 from fti.service.control_channel import ControlMessage
@@ -95,7 +97,7 @@ class Supervisor:
         self._result = SessionResult()
         self._terrain_retry = TerrainRetry()
         self._without_terrain: str | None = None
-        self._refusals: tuple[dict[str, Any], ...] = ()  # of sources by navigation
+        self._refusals: tuple[CarriedRefusal, ...] = ()  # of sources by navigation
         self._event_publisher = EventPublisher(self._clock, self._hub.publish, announce, self._outbox.add_note)
         self._alarms = AlarmBoard(self._clock, self._hub.publish, self._outbox.add_note, self._oldest_waiting_ns)
         self._command_tracker = self._make_command_tracker()
@@ -285,7 +287,7 @@ class Supervisor:
             self._board.navigation = message["health"]
         self._terrain_retry.on_message(message)
         if "refusals" in message:
-            self._refusals = tuple(message["refusals"])
+            self._refusals = tuple(from_table(CarriedRefusal, row) for row in message["refusals"])
         if "port" in message:
             self._page.on_port(message["port"])
             self._announce(self._page.announcement)

@@ -23,6 +23,7 @@ from fti.errors import ConfigError
 from fti.links import open_link
 from fti.logger.session import CONFIG_ATTACHMENT
 from fti.logger.storage_target import StorageTarget
+from fti.messages.refusals import CarriedRefusal
 from fti.service import realtime
 from fti.service.startup import LinkStartup, NavigationStartup, RecorderStartup
 
@@ -66,7 +67,7 @@ class ValidatedConfig:
         targets: Sequence[StorageTarget],
         bus: Path,
         without_terrain: str | None = None,
-        refusals: tuple[dict[str, Any], ...] = (),
+        refusals: tuple[CarriedRefusal, ...] = (),
     ) -> bytes:
         """Startup message of navigation.
 

@@ -6,12 +6,11 @@ source; another refusal ends when the tests have passed for their time.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 from fti.messages.reasons import Reason
+from fti.messages.units import Metres, Nanoseconds
 
 
 class RefusedPart(StrEnum):
@@ -33,21 +32,6 @@ class CarriedRefusal:
     source: str
     part: RefusedPart
     reason: Reason
-    onset_ns: int
+    onset_ns: Nanoseconds
     is_standing: bool = False
-    size_m: float = 0.0
-
-
-def parse_refusals(rows: Iterable[Mapping[str, Any]]) -> tuple[CarriedRefusal, ...]:
-    """From JSON.  Raises KeyError, TypeError or ValueError."""
-    return tuple(
-        CarriedRefusal(
-            source=str(row["source"]),
-            part=RefusedPart(row["part"]),
-            reason=Reason(row["reason"]),
-            onset_ns=int(row["onset_ns"]),
-            is_standing=bool(row["is_standing"]),
-            size_m=float(row["size_m"]),
-        )
-        for row in rows
-    )
+    size_m: Metres = 0.0

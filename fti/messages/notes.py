@@ -1,0 +1,151 @@
+"""Notes of the service: clocks, gaps, terrain, readmissions and alarms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fti.messages.refusals import CarriedRefusal
+from fti.messages.tables import ABSENT, Absent
+from fti.messages.units import (
+    Bytes,
+    Count,
+    FractionalNanoseconds,
+    Nanoseconds,
+    PartsPerMillion,
+    SiValue,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockRecord:
+    """The kernel's clocks at one moment.  t_ns : FTI time; width_ns : duration of reading them"""
+
+    t_ns: Nanoseconds
+    monotonic_ns: Nanoseconds
+    monotonic_raw_ns: Nanoseconds
+    realtime_ns: Nanoseconds
+    width_ns: Nanoseconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockEstimate:
+    """The clock of a device against FTI time.
+
+    offset_ns      : device - FTI time;  drift_ppm : relative to FTI time, positive: faster
+    validity_sd_ns : one sigma of times of validity
+    usual_ns, largest_ns : median and largest delay beyond the minimum
+    late, refused  : messages with more than the usual delay, and messages that did not fit
+    """
+
+    scale: str
+    state: str
+    offset_ns: Nanoseconds
+    offset_sd_ns: FractionalNanoseconds | None
+    drift_ppm: PartsPerMillion | None
+    drift_sd_ppm: PartsPerMillion | None
+    validity_sd_ns: FractionalNanoseconds
+    usual_ns: FractionalNanoseconds | None
+    largest_ns: FractionalNanoseconds
+    messages: Count
+    late: Count
+    refused: Count
+    segments: Count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GnssTime:
+    """Time of the first device whose clock is known, GPS or UTC; empty without one."""
+
+    device: str | Absent = ABSENT
+    scale: str | Absent = ABSENT
+    time_ns: Nanoseconds | Absent = ABSENT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceClockRecord:
+    """The clocks of the devices, by ``<device>_<scale>``."""
+
+    t_ns: Nanoseconds
+    clocks: dict[str, ClockEstimate]
+    gnss: GnssTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TerrainRecord:
+    """The terrain that navigation uses after frame ``after_seq``: its name, files and hash, or why there is none."""
+
+    t_ns: Nanoseconds
+    after_seq: Count
+    fault: str | Absent = ABSENT
+    name: str | Absent = ABSENT
+    files: tuple[str, ...] | Absent = ABSENT
+    sha256: str | Absent = ABSENT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadmissionRecord:
+    """The operator readmits a source, or all (``*``), after frame ``after_seq``."""
+
+    t_ns: Nanoseconds
+    after_seq: Count
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapRecord:
+    """Missing frames.
+
+    kind : buffer_overflow: dropped frames of a link, with numbers and times of the first and the last one, in raw
+           files;  ring, restart: frames that navigation missed, between two numbers, in derived files
+    refusals : that navigation had before its restart
+    """
+
+    t_ns: Nanoseconds
+    kind: str
+    link: str | Absent = ABSENT
+    first_seq: Count | Absent = ABSENT
+    last_seq: Count | Absent = ABSENT
+    first_t_ns: Nanoseconds | Absent = ABSENT
+    last_t_ns: Nanoseconds | Absent = ABSENT
+    frames: Count | Absent = ABSENT
+    bytes: Bytes | Absent = ABSENT
+    after_seq: Count | Absent = ABSENT
+    before_seq: Count | Absent = ABSENT
+    refusals: tuple[CarriedRefusal, ...] | Absent = ABSENT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmReportRecord:
+    """The condition of a subject from t_ns on, as navigation reports it; id None: no fault.
+
+    value, explained_by, is_latched : see ``fti.alarms.condition``
+    """
+
+    t_ns: Nanoseconds
+    subject: str
+    id: str | None
+    severity: str | None
+    title: str | None
+    cause: str | None
+    value: SiValue | None
+    explained_by: tuple[str, ...]
+    is_latched: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmRecord:
+    """A change of an alarm: begins, changes, ends, acknowledged.  The other fields : see ``fti.alarms.alarm_list``."""
+
+    t_ns: Nanoseconds
+    change: str
+    id: str
+    severity: str
+    title: str
+    cause: str
+    value: SiValue | None
+    first_ns: Nanoseconds
+    begin_ns: Nanoseconds
+    end_ns: Nanoseconds | None
+    count: Count
+    acknowledged_ns: Nanoseconds | None
+    acknowledged_by: str | None
