@@ -141,8 +141,8 @@ class Worker:
 
     def state(self) -> State:
         if self._progress.exists():
-            found: State = json.loads(self._progress.read_text())
-            return found
+            result: State = json.loads(self._progress.read_text())
+            return result
         return State(ended=0, count=0, ended_s=0.0, count_s=0.0, failed=[], files={})
 
     def print_output(self) -> None:
@@ -210,9 +210,9 @@ def _minutes(seconds: float) -> str:
 _times: dict[str, float] = {}
 
 
-def _note_times(found: dict[str, float]) -> None:
+def _note_times(values: dict[str, float]) -> None:
     """For a file with tests in two parts the longer time."""
-    _times.update({file: max(seconds, _times.get(file, 0.0)) for file, seconds in found.items()})
+    _times.update({file: max(seconds, _times.get(file, 0.0)) for file, seconds in values.items()})
 
 
 def main() -> int:

@@ -48,10 +48,10 @@ SESSIONS = [session(block) for block in blocks("console")]
 FLIGHTS = [s for s in SESSIONS if any("fti run" in command for command in s.commands)]
 
 
-def execute(found: Session, folder: Path) -> list[str]:
+def execute(result: Session, folder: Path) -> list[str]:
     """Output of each command, in one shell, in a folder with the page's configuration."""
     (folder / "sensors.toml").write_text("".join(blocks("toml")), encoding="utf-8")
-    commands = f"\necho '{MARK}'\n".join(found.commands)
+    commands = f"\necho '{MARK}'\n".join(result.commands)
     script = f'fti() {{ "$PYTHON" -m fti.cli.main "$@"; }}\n{commands}\nwait\n'
     environment = {**os.environ, "PYTHON": sys.executable, "XDG_RUNTIME_DIR": str(folder), "PYTHONPATH": str(ROOT)}
     done = subprocess.run(

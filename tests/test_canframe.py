@@ -21,8 +21,8 @@ def test_layout_of_the_kernel() -> None:
 @given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8), st.booleans())
 def test_round_trip_classic(can_id: int, data: bytes, remote: bool) -> None:
     extended = can_id > 0x7FF
-    found = unpack_can(pack_can(can_id, data, extended=extended, remote=remote))
-    assert found == (can_id, extended, remote, False, False, bytes(len(data)) if remote else data)
+    can_frame = unpack_can(pack_can(can_id, data, extended=extended, remote=remote))
+    assert can_frame == (can_id, extended, remote, False, False, bytes(len(data)) if remote else data)
 
 
 @given(st.sampled_from(FD_LENGTHS))

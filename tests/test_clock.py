@@ -223,8 +223,8 @@ def test_around_a_step_a_stamp_is_right_or_refused(
                 hands.monotonic, hands.realtime = look, realtime(look)
                 clock.stamp_window(look + epoch_ns)
         hands.monotonic, hands.realtime = read_at, realtime(read_at)
-        found = carried_over(clock, realtime(taken_ns), taken_ns - empty_ns + epoch_ns)
-        assert found in (taken_ns + epoch_ns, None)
+        number = carried_over(clock, realtime(taken_ns), taken_ns - empty_ns + epoch_ns)
+        assert number in (taken_ns + epoch_ns, None)
 
 
 @pytest.mark.parametrize(("step_s", "until_s"), [(5.0, 0.0), (0.5, 0.0), (-3600.0, 0.0), (-0.5, 0.5)])

@@ -386,8 +386,8 @@ def test_no_number_may_be_of_any_size() -> None:
 
 @pytest.mark.parametrize("value", ["1e308", "86401.0", "0.0", "-1.0", "nan", "inf", "1" + "0" * 300])
 def test_a_split_of_any_length_is_a_wrong_configuration(value: str) -> None:
-    found = message(changed("[session]", f"[session]\nsplit_s = {value}"))
-    assert found.startswith(f"{FILE}: session.split_s = ")
+    text = message(changed("[session]", f"[session]\nsplit_s = {value}"))
+    assert text.startswith(f"{FILE}: session.split_s = ")
 
 
 def test_elevation_files_in_a_zip_are_relative_to_the_file_and_gdal_paths_stay() -> None:

@@ -48,24 +48,24 @@ def documented(place: str) -> dict[str, str]:
 
 
 def _first_table(lines: Any) -> list[str]:
-    found: list[str] = []
+    texts: list[str] = []
     for line in lines:
         if line.startswith("|"):
-            found.append(line)
-        elif found and not line.startswith("|"):
+            texts.append(line)
+        elif texts and not line.startswith("|"):
             break
-    return found
+    return texts
 
 
 def expected(model: type[BaseModel], shared: tuple[str, ...]) -> dict[str, Any]:
     """Key to default; "" for a required key, "–" for an optional one without a default."""
-    found: dict[str, Any] = {}
+    content: dict[str, Any] = {}
     for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
         if name not in shared:
             is_table = isinstance(default, BaseModel)  # with defaults for all of its keys
-            found[name] = "" if default is PydanticUndefined else "–" if default is None or is_table else default
-    return found
+            content[name] = "" if default is PydanticUndefined else "–" if default is None or is_table else default
+    return content
 
 
 def as_value(text: str) -> Any:

@@ -52,8 +52,8 @@ def private_imports(source: Path) -> Iterator[str]:
 
 
 def test_no_module_imports_what_is_private_to_another_package() -> None:
-    found = [text for source in sorted((ROOT / "fti").rglob("*.py")) for text in private_imports(source)]
-    assert found == []
+    texts = [text for source in sorted((ROOT / "fti").rglob("*.py")) for text in private_imports(source)]
+    assert texts == []
 
 
 @pytest.mark.parametrize("module", [*BYTES_ONLY, "fti.service.recorder.__main__"])

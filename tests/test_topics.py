@@ -44,9 +44,9 @@ KINDS: tuple[FileKind, ...] = ("raw", "derived", "truth")
 
 def rows_of(topic: str) -> list[Topic]:
     """Rows of a recorded topic; ``/nav/...`` and ``/fti/...`` are no devices."""
-    found = [row for row in topics() if row.matches(topic)]
-    exact = [row for row in found if row.name.split("/")[1] == topic.split("/")[1]]
-    return exact or found
+    results = [row for row in topics() if row.matches(topic)]
+    exact = [row for row in results if row.name.split("/")[1] == topic.split("/")[1]]
+    return exact or results
 
 
 def recorded(path: Path) -> dict[str, str]:

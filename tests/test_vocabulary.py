@@ -74,13 +74,13 @@ def test_a_retired_word_is_found_in_a_name(text: str, names: set[str]) -> None:
 def test_no_text_of_the_product_has_a_retired_word() -> None:
     files = [*sources("fti"), *(ROOT / "fti/web/static").glob("*.js"), *(ROOT / "fti/web/static").glob("*.html")]
     pattern = re.compile(rf"\b({'|'.join(sorted(RETIRED_IN_TEXTS))})\b", re.IGNORECASE)
-    found = [
+    texts = [
         f"{file.relative_to(ROOT)}:{number}: {line.strip()}"
         for file in files
         for number, line in enumerate(file.read_text().splitlines(), 1)
         if pattern.search(line)
     ]
-    assert found == []
+    assert texts == []
 
 
 def test_the_glossary_is_short_and_sorted() -> None:

@@ -58,9 +58,9 @@ class Overview:
     @classmethod
     def make(cls, recording: Recording) -> Overview:
         """Read everything, once."""
-        found = collect_statistics(recording)
+        statistics = collect_statistics(recording)
         files = [_file_state(recording, path) for path in recording.files]
-        return cls(recording, found, files, *time_span(found.topics), configured_rates(recording))
+        return cls(recording, statistics, files, *time_span(statistics.topics), configured_rates(recording))
 
     @property
     def session_metadata(self) -> Mapping[str, str]:

@@ -40,19 +40,19 @@ def _device(clock_series: DeviceClockSeries) -> dict[str, Any]:
 
 
 def _segment(clock_series: DeviceClockSeries, segment: ClockSegment) -> dict[str, Any]:
-    found: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "first_ns": segment.first_ns,
         "last_ns": segment.last_ns,
         "messages": segment.messages,
         "known": segment.is_known,
     }
     if not segment.is_known:
-        return found
+        return entry
     latency_ns = round(clock_series.device.latency_ms * 1e6)
     first_dev_ns, last_dev_ns = (segment.device_ns(t + latency_ns) for t in (segment.first_ns, segment.last_ns))
     delays = clock_series.delays(segment)[1] / 1e6
     late_ms = (NEAR_NS + NEAR_FACTOR * segment.line.spread) / 1e6
-    return found | {
+    return entry | {
         "offset_ns": first_dev_ns - segment.first_ns,
         "offset_end_ns": last_dev_ns - segment.last_ns,
         "offset_sd_ns": segment.sd_ns(first_dev_ns),
@@ -117,17 +117,17 @@ def _device_lines(clock_series: DeviceClockSeries, begin_ns: int) -> list[str]:
     ]
 
 
-def _segment_lines(found: dict[str, Any], begin_ns: int) -> list[str]:
-    first, last = ((found[key] - begin_ns) / SECOND_NS for key in ("first_ns", "last_ns"))
+def _segment_lines(entry: dict[str, Any], begin_ns: int) -> list[str]:
+    first, last = ((entry[key] - begin_ns) / SECOND_NS for key in ("first_ns", "last_ns"))
     span = f"  {first:.1f} to {last:.1f} s: "
-    if not found["known"]:
+    if not entry["known"]:
         return [f"{span}too few messages"]
-    delay = found["delay_ms"]
+    delay = entry["delay_ms"]
     return [
-        f"{span}drift {found['drift_ppm']:+.3f} ppm, 95 % within {found['drift_95_ppm']:.3f} ({found['method']})",
-        f"    device - FTI {_seconds(found['offset_ns'])} s +- {found['offset_sd_ns'] / 1e6:.3f} ms at the start",
+        f"{span}drift {entry['drift_ppm']:+.3f} ppm, 95 % within {entry['drift_95_ppm']:.3f} ({entry['method']})",
+        f"    device - FTI {_seconds(entry['offset_ns'])} s +- {entry['offset_sd_ns'] / 1e6:.3f} ms at the start",
         f"    delay beyond the minimum: median {delay['p50']:.2f}, 99 % {delay['p99']:.2f}, "
-        f"maximum {delay['max']:.2f} ms; {found['late']} messages late by more than {found['late_beyond_ms']:.0f} ms",
+        f"maximum {delay['max']:.2f} ms; {entry['late']} messages late by more than {entry['late_beyond_ms']:.0f} ms",
     ]
 
 
@@ -143,11 +143,11 @@ def _computer_lines(sync: Sync) -> list[str]:
 
 
 def _gnss_lines(sync: Sync) -> list[str]:
-    found = _gnss(sync)
-    if found is None:
+    entry = _gnss(sync)
+    if entry is None:
         return ["FTI against GNSS  no known clock of GPS or UTC time"]
-    drift = f"{found['fti_drift_ppm']:+.3f} ppm, 95 % within {found['fti_drift_95_ppm']:.3f}"
-    return [f"FTI against GNSS  {drift}: {found['fti_drift_ms_per_hour']:+.2f} ms an hour (by {found['device']})"]
+    drift = f"{entry['fti_drift_ppm']:+.3f} ppm, 95 % within {entry['fti_drift_95_ppm']:.3f}"
+    return [f"FTI against GNSS  {drift}: {entry['fti_drift_ms_per_hour']:+.2f} ms an hour (by {entry['device']})"]
 
 
 def _seconds(t_ns: int) -> str:

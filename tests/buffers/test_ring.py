@@ -22,9 +22,9 @@ from tests.helpers import ROOT, until
 
 @pytest.fixture
 def ring() -> Iterator[Ring]:
-    made = Ring.create(4 * PAGE)
-    yield made
-    made.close()
+    result = Ring.create(4 * PAGE)
+    yield result
+    result.close()
 
 
 def payload(seq: int) -> bytes:
@@ -148,8 +148,8 @@ def test_a_full_ring_is_read_whole_while_it_has_not_overrun_its_reader(ring: Rin
         put(ring, seq)
         seq += 1
     reader = reader_of_all(ring)
-    found = check(reader.read())
-    assert found == list(range(ring.oldest_seq or 0, seq))
+    numbers = check(reader.read())
+    assert numbers == list(range(ring.oldest_seq or 0, seq))
 
 
 def test_what_waits_can_be_skipped(ring: Ring) -> None:
@@ -332,9 +332,9 @@ def test_writer_killed_while_it_overwrites_leaves_the_rest_readable(
     with pytest.raises(KilledError):
         put(ring, *range(1000, 2000))
     reader = reader_of_all(ring)
-    found = check(reader.read())
-    assert found[0] == reader.lost_frames > 0
-    assert found == list(range(found[0], ring.next_seq))
+    numbers = check(reader.read())
+    assert numbers[0] == reader.lost_frames > 0
+    assert numbers == list(range(numbers[0], ring.next_seq))
 
 
 class Unpublished:

@@ -16,11 +16,11 @@ from fti.frame_batch import NumberedFrame, iter_frames
 
 
 def flush(buffer: TripleBuffer) -> list[NumberedFrame]:
-    found: list[NumberedFrame] = []
+    frames: list[NumberedFrame] = []
     while not buffer.is_empty:
-        found += iter_frames(buffer.take())
+        frames += iter_frames(buffer.take())
         buffer.confirm_written()
-    return found
+    return frames
 
 
 def take(buffer: TripleBuffer) -> list[NumberedFrame]:
@@ -241,10 +241,10 @@ def test_two_threads_hammer_it() -> None:
     def write() -> None:
         dice = random.Random(1)
         while not (done.is_set() and buffer.is_empty):
-            taken = buffer.take()
+            frame_batches = buffer.take()
             if dice.random() < 0.9:  # else storage refuses
-                buffer.confirm_written(len(taken))
-                out.extend(e[0] for e in iter_frames(taken))
+                buffer.confirm_written(len(frame_batches))
+                out.extend(e[0] for e in iter_frames(frame_batches))
 
     threads = [threading.Thread(target=read), threading.Thread(target=write)]
     for thread in threads:
@@ -277,10 +277,10 @@ def test_together_is_as_one_by_one(batches: list[tuple[list[int], int]]) -> None
         seq += len(sizes)
         for buffer, seqs in zip((together, single), out, strict=True):
             if turn:
-                taken = take(buffer)
+                results = take(buffer)
                 if turn == 2:  # storage accepts
                     buffer.confirm_written()
-                    seqs.extend(taken)
+                    seqs.extend(results)
         assert together.stats == single.stats
     assert out[0] == out[1]
     assert flush(together) == flush(single)

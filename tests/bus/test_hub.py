@@ -74,10 +74,10 @@ def path(running: RunningHub) -> Path:
 
 @pytest.fixture
 def listener(path: Path) -> Iterator[Listener]:
-    made = Listener(path)
-    wait_for(lambda: made.alive.get("supervisor"), "the connection")
-    yield made
-    made.subscriber.close()
+    result = Listener(path)
+    wait_for(lambda: result.alive.get("supervisor"), "the connection")
+    yield result
+    result.subscriber.close()
 
 
 def start(script: str, path: Path) -> subprocess.Popen[str]:

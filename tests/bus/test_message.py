@@ -32,25 +32,25 @@ def make_height(**changes: object) -> dict[str, object]:
 
 @given(st.integers(min_value=-1_000_000_000, max_value=10_000_000_000))
 def test_late_is_not_valid(age_ns: int) -> None:
-    found = json.loads(message.encode_with_age(make_height(), 5_000, 5_000 + age_ns, MAX_AGE_MS))
-    assert abs(found["age_ms"] - age_ns / 1e6) <= 0.001
-    assert found["late"] == (age_ns > MAX_AGE_MS * 1e6)
-    assert found["valid"] == (not found["late"])
-    assert found["max_age_ms"] == MAX_AGE_MS
+    content = json.loads(message.encode_with_age(make_height(), 5_000, 5_000 + age_ns, MAX_AGE_MS))
+    assert abs(content["age_ms"] - age_ns / 1e6) <= 0.001
+    assert content["late"] == (age_ns > MAX_AGE_MS * 1e6)
+    assert content["valid"] == (not content["late"])
+    assert content["max_age_ms"] == MAX_AGE_MS
 
 
 def test_enums_are_words_and_nan_is_null() -> None:
-    found = json.loads(message.encode_with_age(make_height(raw=math.nan, sd=math.inf), 0, 0, MAX_AGE_MS))
-    assert (found["raw"], found["sd"], found["height_agl"]) == (None, None, 9.5)
-    assert (found["reasons"], found["datum"]) == (["roll"], "agl")
+    content = json.loads(message.encode_with_age(make_height(raw=math.nan, sd=math.inf), 0, 0, MAX_AGE_MS))
+    assert (content["raw"], content["sd"], content["height_agl"]) == (None, None, 9.5)
+    assert (content["reasons"], content["datum"]) == (["roll"], "agl")
 
 
 def test_health_with_a_path_that_is_not_utf_8_and_a_long_hint_is_taken() -> None:
     health = make_health(20.0, 20_000_000_000, 0)
     health["session"]["folder"] = os.fsdecode(b"/data/\xff")
     health["storage"]["hint"] = "x" * 100_000
-    found = message.decode("/health", message.encode(health))
-    assert (found["session"]["folder"], found["storage"]["hint"]) == ("/data/?", "x" * 100_000)
+    content = message.decode("/health", message.encode(health))
+    assert (content["session"]["folder"], content["storage"]["hint"]) == ("/data/?", "x" * 100_000)
 
 
 def test_nan_inside_a_list_is_null() -> None:
@@ -62,9 +62,9 @@ def test_nan_inside_a_list_is_null() -> None:
 
 def test_integrity_keeps_every_field() -> None:
     output = ClearanceIntegrity(t_ns=1, t_valid_ns=None, state=IntegrityState.OK, reasons=(), valid=True, t1_ratio=0.5)
-    found = json.loads(message.encode_with_age(asdict(output), 1, 1, MAX_AGE_MS))
-    assert set(found) == {*asdict(output), "age_ms", "max_age_ms", "late"}
-    assert found["state"] == "ok"
+    content = json.loads(message.encode_with_age(asdict(output), 1, 1, MAX_AGE_MS))
+    assert set(content) == {*asdict(output), "age_ms", "max_age_ms", "late"}
+    assert content["state"] == "ok"
 
 
 # ------------------------------------------------------------------------------------------------- what arrives
@@ -139,9 +139,9 @@ def test_an_output_of_a_later_version_is_checked_for_what_all_have() -> None:
 
 def test_an_event_with_a_very_long_text_is_shortened_not_lost() -> None:
     event = {"t_ns": 1, "level": "error", "source": "unit", "text": "\ud800" + "é\n" * 10**6}
-    found = message.decode("/event", message.encode_event(event))
-    assert found["text"].startswith("?é\n")
-    assert (len(found["text"]), found["text"][-1]) == (4096, "…")
+    content = message.decode("/event", message.encode_event(event))
+    assert content["text"].startswith("?é\n")
+    assert (len(content["text"]), content["text"][-1]) == (4096, "…")
 
 
 # Valid and invalid JSON: an independent check of the messages for a display.

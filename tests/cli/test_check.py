@@ -71,10 +71,10 @@ def test_lists_have_one_thing_per_line_name_first(file: Path, capsys: pytest.Cap
 
 def test_json_is_json_only(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(file), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert [link["name"] for link in found["links"]] == ["line", "spare"]
-    assert found["roles"] == {"attitude": [], "position": [], "altimeters": ["radar"]}
-    assert {m["role"]: m["reason"] for m in found["missing"]} == {
+    content = json.loads(capsys.readouterr().out)
+    assert [link["name"] for link in content["links"]] == ["line", "spare"]
+    assert content["roles"] == {"attitude": [], "position": [], "altimeters": ["radar"]}
+    assert {m["role"]: m["reason"] for m in content["missing"]} == {
         "attitude": "no_attitude",
         "position": "no_position",
         "approach": "no_profile",
@@ -218,12 +218,12 @@ def test_the_sigma_of_the_terrain_is_shown_with_its_parts(file: Path, capsys: py
     file.write_text(BENCH.replace("[nav]", terrain, 1))
     assert main(["check", str(file)]) == 0
     output = capsys.readouterr().out
-    found = re.search(
+    match = re.search(
         r"posts 50 m apart +sigma (\S+) m: 2 m of the files \(sd_m\) and (\S+) m RMS of resampling, (\S+) m",
         output,
     )
-    assert found, output
-    sigma, rms, maximum = map(float, found.groups())
+    assert match, output
+    sigma, rms, maximum = map(float, match.groups())
     assert rms == pytest.approx(4.0 * math.sqrt(8 / 45), rel=0.06)
     assert sigma == pytest.approx(math.hypot(2.0, rms), abs=0.01)
     assert 3.5 < maximum < 4.1
@@ -272,8 +272,8 @@ BUS = '[[link]]\nname = "bus"\nkind = "can"\ninterface = "{}"\nchannel = "x"\nbi
 def hints_of(path: Path, text: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
     path.write_text(f'[session]\nname = "x"\n{text}')
     assert main(["check", str(path), "--json"]) == 0
-    found: list[str] = json.loads(capsys.readouterr().out)["hints"]
-    return found
+    texts: list[str] = json.loads(capsys.readouterr().out)["hints"]
+    return texts
 
 
 def test_a_computer_that_gives_sockets_little_is_a_hint(

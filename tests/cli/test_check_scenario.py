@@ -33,8 +33,8 @@ def file(tmp_path: Path) -> Path:
 
 def checked(file: object, capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
     assert main(["check", str(file), "--json", *options]) == 0
-    found: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return found
+    content: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return content
 
 
 @pytest.mark.parametrize(
@@ -51,15 +51,15 @@ def checked(file: object, capsys: pytest.CaptureFixture[str], *options: str) -> 
     ],
 )
 def test_a_shipped_scenario_is_good(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    found = checked(name, capsys)
+    content = checked(name, capsys)
     scenario = scenarios.load(scenarios.find(name))
-    assert found["title"] == scenario.title
-    assert [(row["kind"], row["fault"]) for row in found["faults"]] == [
+    assert content["title"] == scenario.title
+    assert [(row["kind"], row["fault"]) for row in content["faults"]] == [
         (fault.kind, i) for i, fault in enumerate(scenario.fault)
     ]
-    assert all(row["subjects"] for row in found["faults"])
-    assert all(bool(s["flags"]) is not bool(s["no_flag"]) for row in found["faults"] for s in row["subjects"])
-    assert len(found["expect"]) == len(scenario.expect)
+    assert all(row["subjects"] for row in content["faults"])
+    assert all(bool(s["flags"]) is not bool(s["no_flag"]) for row in content["faults"] for s in row["subjects"])
+    assert len(content["expect"]) == len(scenario.expect)
 
 
 def test_a_flag_has_the_limits_that_documents_state(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -67,12 +67,12 @@ def test_a_flag_has_the_limits_that_documents_state(file: Path, capsys: pytest.C
     max_age_ms of the configuration (500 ms), a cycle of navigation 0.3 s later.
     """
     file.write_text(HEAD + CUT)
-    found = checked(file, capsys)
-    assert found["scenario"] == str(file)
-    assert found["flight"] == {"kind": "approach", "duration_s": 82.0}
-    assert found["config"] == f"{ROOT}/configs/demo.toml"
-    assert {"name": "gnss", "link": "gnss_line", "driver": "nmea0183", "rate_hz": 5.0} in found["devices"]
-    (fault,) = found["faults"]
+    content = checked(file, capsys)
+    assert content["scenario"] == str(file)
+    assert content["flight"] == {"kind": "approach", "duration_s": 82.0}
+    assert content["config"] == f"{ROOT}/configs/demo.toml"
+    assert {"name": "gnss", "link": "gnss_line", "driver": "nmea0183", "rate_hz": 5.0} in content["devices"]
+    (fault,) = content["faults"]
     assert (fault["kind"], fault["from_s"], fault["to_s"]) == ("cut", 30.0, 36.0)
     (subject,) = fault["subjects"]
     assert subject["subject"] == "altimeter"
@@ -116,11 +116,11 @@ def test_a_fault_that_raises_nothing_has_a_reason(
     file: Path, capsys: pytest.CaptureFixture[str], fault: str, reason: str
 ) -> None:
     file.write_text(f"{HEAD}[[fault]]\n{fault}\n")
-    found = checked(file, capsys)
-    (subject,) = found["faults"][0]["subjects"]
+    content = checked(file, capsys)
+    (subject,) = content["faults"][0]["subjects"]
     assert subject["flags"] == []
     assert reason in subject["no_flag"]
-    assert f"no flag is expected:  {subject['no_flag']}" in "\n".join(lines(found))
+    assert f"no flag is expected:  {subject['no_flag']}" in "\n".join(lines(content))
 
 
 def test_who_takes_over_belongs_to_the_fault_that_takes_the_last_device(capsys: pytest.CaptureFixture[str]) -> None:
@@ -131,10 +131,10 @@ def test_who_takes_over_belongs_to_the_fault_that_takes_the_last_device(capsys: 
 
 def test_a_fault_behind_the_end_is_a_warning(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file.write_text(HEAD + CUT.replace("30", "90").replace("36", "99"))
-    found = checked(file, capsys)
-    assert ["the flight ends at 82 s" in warning for warning in found["warnings"]] == [True]
-    assert all(flag["after_flight"] for flag in found["faults"][0]["subjects"][0]["flags"])
-    printed = "\n".join(lines(found))
+    content = checked(file, capsys)
+    assert ["the flight ends at 82 s" in warning for warning in content["warnings"]] == [True]
+    assert all(flag["after_flight"] for flag in content["faults"][0]["subjects"][0]["flags"])
+    printed = "\n".join(lines(content))
     assert "\nwarning: fault[0], cable cut, begins at 90 s" in printed
     assert "after the end of the flight" in printed
 

@@ -112,9 +112,9 @@ def test_can_frames_in_binary(capsys: pytest.CaptureFixture[str]) -> None:
 def test_lines_of_candump_are_frames() -> None:
     first = "(1410714882.622188) can0 09F80102#36729A16021AB80D\n\n"
     text = first + "(1.5) can0 123#\n(1.5) can0 123#R\n(1.5) vcan0 12345678##1AA"
-    found = list(candump_frames(text.splitlines(), Path("x.log")))
-    assert found[0][0] == 1_410_714_882_622_188_000
-    frames = [unpack_can(data) for _, data in found]
+    result = list(candump_frames(text.splitlines(), Path("x.log")))
+    assert result[0][0] == 1_410_714_882_622_188_000
+    frames = [unpack_can(data) for _, data in result]
     assert (frames[0].can_id, frames[0].extended, frames[0].data.hex()) == (0x09F80102, True, "36729a16021ab80d")
     assert (frames[1].can_id, frames[1].extended, frames[1].data) == (0x123, False, b"")
     assert frames[2].remote

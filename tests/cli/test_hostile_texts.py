@@ -109,8 +109,8 @@ def test_every_character_that_controls_is_written_visibly() -> None:
         if unicodedata.category(chr(code)) in ("Cc", "Cs", "Zl", "Zp") or unicodedata.bidirectional(chr(code)) in (
             *("LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI", "BN"),
         ):
-            shown = escape_controls(chr(code))
-            assert shown.isascii() or unicodedata.category(chr(code)) == "Cn", hex(code)
+            text = escape_controls(chr(code))
+            assert text.isascii() or unicodedata.category(chr(code)) == "Cn", hex(code)
     assert escape_controls("Höhe ü. Grund – 5 µm ≥ 3° [bold]") == "Höhe ü. Grund – 5 µm ≥ 3° [bold]"
 
 

@@ -59,18 +59,18 @@ def info(folder: SessionFolder, *arguments: str) -> int:
 
 def info_json(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     assert info(folder, "--json") == 0
-    found: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return found
+    content: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return content
 
 
 def test_json_reports_everything(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     record_with_gap(folder)
-    found = info_json(folder, capsys)
-    assert found["metadata"]["fti"] == ABOUT and found["links"] == {"ins": "udp", "radar": "serial"}
-    assert (found["origin"], found["mode"], found["software"]) == ("hil", "continuous", "0.1.0")
-    assert (found["first_ns"], found["duration_s"]) == (STARTED, 10.0)
-    assert found["clock_offset_s"] == {"begin": 0.25, "end": 0.251}
-    topics = {topic["topic"]: topic for topic in found["topics"]}
+    content = info_json(folder, capsys)
+    assert content["metadata"]["fti"] == ABOUT and content["links"] == {"ins": "udp", "radar": "serial"}
+    assert (content["origin"], content["mode"], content["software"]) == ("hil", "continuous", "0.1.0")
+    assert (content["first_ns"], content["duration_s"]) == (STARTED, 10.0)
+    assert content["clock_offset_s"] == {"begin": 0.25, "end": 0.251}
+    topics = {topic["topic"]: topic for topic in content["topics"]}
     radar = topics["/raw/radar"]
     assert (radar["messages"], radar["bytes"], radar["gap_count"]) == (175, 1750, 1)
     assert radar["usual_interval_s"] == pytest.approx(0.04) and radar["jitter_sd_s"] == pytest.approx(0.0, abs=1e-6)
@@ -81,10 +81,10 @@ def test_json_reports_everything(folder: SessionFolder, capsys: pytest.CaptureFi
     assert sum(radar["activity"]) == 175 and 0 in radar["activity"]
     silent = topics["/raw/ins"]
     assert (silent["messages"], silent["rate_hz"], silent["first_ns"], silent["configured_hz"]) == (0, None, None, 25.0)
-    assert [(event["source"], event["t_s"], event["text"]) for event in found["events"]] == [
+    assert [(event["source"], event["t_s"], event["text"]) for event in content["events"]] == [
         ("ins", 1.0, "silent"), ("mark", 2.5, "begin of <approach> 3"), ("mark", 3.0, "flare"),
     ]  # fmt: skip
-    assert [file["finished"] for file in found["files"]] == [True] * len(folder.files("raw"))
+    assert [file["finished"] for file in content["files"]] == [True] * len(folder.files("raw"))
 
 
 def test_text_reports_it_to_a_person(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
@@ -151,8 +151,8 @@ def test_a_snapshot_session_reports_it(folder: SessionFolder, capsys: pytest.Cap
     record_snapshots(folder, range(50, 150))
     assert info(folder) == 0
     assert "*** SNAPSHOT: not a continuous recording" in capsys.readouterr().out
-    found = info_json(folder, capsys)
-    assert found["mode"] == "snapshot" and found["remarks"][0].startswith("SNAPSHOT")
+    content = info_json(folder, capsys)
+    assert content["mode"] == "snapshot" and content["remarks"][0].startswith("SNAPSHOT")
 
 
 def test_a_snapshot_file_of_a_continuous_session_reports_it(
@@ -189,10 +189,10 @@ def record_in_two_places(tmp_path: Path) -> tuple[Path, Path]:
 def test_a_session_in_several_folders_is_reported_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = record_in_two_places(tmp_path)
     assert main(["info", str(first), str(second), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert {topic["topic"]: topic["messages"] for topic in found["topics"]} == {"/raw/ins": 150, "/raw/radar": 150}
-    assert [topic["gap_count"] for topic in found["topics"]] == [0, 0] and found["remarks"] == []
-    assert [file["folder"] for file in found["files"]] == [str(first), str(second), str(first)]
+    content = json.loads(capsys.readouterr().out)
+    assert {topic["topic"]: topic["messages"] for topic in content["topics"]} == {"/raw/ins": 150, "/raw/radar": 150}
+    assert [topic["gap_count"] for topic in content["topics"]] == [0, 0] and content["remarks"] == []
+    assert [file["folder"] for file in content["files"]] == [str(first), str(second), str(first)]
     assert main(["info", str(first), str(second)]) == 0
     assert f"{second}/s_20260102T030405Z_0_001.mcap" in capsys.readouterr().out
 

@@ -14,14 +14,14 @@ PAGE = "http://127.0.0.1:8123/#key=k-of_this_start"
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What a browser was given on its command line."""
-    found: list[str] = []
+    texts: list[str] = []
 
     def remember(url: str) -> bool:
-        found.append(url)
+        texts.append(url)
         return True
 
     monkeypatch.setattr(webbrowser, "open", remember)
-    return found
+    return texts
 
 
 def test_the_browser_gets_the_name_of_a_file_that_only_its_owner_can_read(tmp_path: Path, opened: list[str]) -> None:

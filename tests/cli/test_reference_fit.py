@@ -118,18 +118,18 @@ def fit_output(session: Path, folder: Path) -> str:
 
 def test_the_receiver_that_was_flown_is_found(fit_output: str, folder: Path) -> None:
     out = folder / "receiver.toml"
-    found = json.loads(fit_output[: fit_output.rindex("}") + 1])
+    content = json.loads(fit_output[: fit_output.rindex("}") + 1])
     true = {"beam_deg": BEAM_DEG, "bias_m": BIAS_M, "scale": SCALE}
     for name, value in true.items():
-        one = found["parameters"][name]
+        one = content["parameters"][name]
         assert one["value"] == pytest.approx(value, abs=3.0 * one["sd"]), name
         assert not one["assumed"]
-    parameters = found["parameters"]
+    parameters = content["parameters"]
     assert parameters["beam_deg"]["sd"] < 4.0
     assert parameters["scale"]["sd"] < 0.015
     assert parameters["bias_m"]["value"] == pytest.approx(BIAS_M, abs=1.5)  # the sigma is that of the inertial height
-    assert found["rms_after_m"] < 0.6 * found["rms_before_m"]
-    assert found["samples_available"] > 1500
+    assert content["rms_after_m"] < 0.6 * content["rms_before_m"]
+    assert content["samples_available"] > 1500
     assert (folder / "fit.png").stat().st_size > 10_000
     table = configuration.parse_toml(out.read_text(), str(out))["device"]["altimeter"]
     assert table["beam_deg"] == pytest.approx(parameters["beam_deg"]["value"], abs=0.006)

@@ -44,11 +44,11 @@ def run_dir(daemon: FakeDaemon) -> Iterator[Path]:
 
 def test_once_json_is_one_object(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["watch", "--run-dir", str(run_dir), "--once", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["health"]["session"]["name"] == SESSION
-    assert found["outputs"]["/nav/height_above_ground/radar_altimeter"]["valid"] is True
-    assert {"/nav/clearance_integrity", "/nav/glide_slope", "/nav/nav_solution"} < set(found["outputs"])
-    assert found["alarms"] == []
+    content = json.loads(capsys.readouterr().out)
+    assert content["health"]["session"]["name"] == SESSION
+    assert content["outputs"]["/nav/height_above_ground/radar_altimeter"]["valid"] is True
+    assert {"/nav/clearance_integrity", "/nav/glide_slope", "/nav/nav_solution"} < set(content["outputs"])
+    assert content["alarms"] == []
 
 
 def test_a_name_finds_it_too(
@@ -64,9 +64,9 @@ def test_a_stopped_navigation_is_in_the_json(
 ) -> None:
     daemon.change_health = lambda health: health["processes"]["navigation"].update(state="restarting")
     main(["watch", "--run-dir", str(run_dir), "--once", "--json"])
-    found = json.loads(capsys.readouterr().out)
-    assert [alarm["id"] for alarm in found["alarms"]] == ["navigation"]
-    assert all(output["late"] and not output["valid"] for output in found["outputs"].values())
+    content = json.loads(capsys.readouterr().out)
+    assert [alarm["id"] for alarm in content["alarms"]] == ["navigation"]
+    assert all(output["late"] and not output["valid"] for output in content["outputs"].values())
 
 
 def test_without_a_daemon_or_a_bus_it_reports_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -45,12 +45,12 @@ def decode(*data: bytes, **options: Any) -> list[Measurement]:
     return [m for i, one in enumerate(data) for m in decoder.feed(one, i)]
 
 
-def only(kind: type, found: list[Measurement]) -> Any:
+def only(kind: type, measurements: list[Measurement]) -> Any:
     """The one measurement of a class."""
-    (one,) = (m for m in found if isinstance(m, kind))
+    (one,) = (m for m in measurements if isinstance(m, kind))
     return one
 
 
-def readings(found: list[Measurement]) -> dict[str, float | None]:
+def readings(measurements: list[Measurement]) -> dict[str, float | None]:
     """The values of the Readings, by name."""
-    return {m.name: m.value for m in found if isinstance(m, Reading)}
+    return {m.name: m.value for m in measurements if isinstance(m, Reading)}

@@ -60,12 +60,12 @@ HEIGHT_100 = height_word(100.0)
 )
 def test_the_five_words(printed: int, label: str, value: float, full: float, bits: int) -> None:
     turns = full == 180.0
-    made = wire.encode_bnr(label, value, full, bits, state=BnrState.NORMAL, turns=turns)
+    number = wire.encode_bnr(label, value, full, bits, state=BnrState.NORMAL, turns=turns)
     lsb = full / 2**bits
     if label == "324":  # the printed word has the value cut off, not rounded, to its resolution
         assert wire.decode_bnr(printed, full, bits) == pytest.approx(value, abs=lsb)
     else:
-        assert made == printed
+        assert number == printed
         assert wire.decode_bnr(printed, full, bits) == value
     assert wire.label_octal(printed) == label
     assert wire.is_intact(printed)
@@ -78,9 +78,9 @@ def test_words_are_those_of_an_independent_encoder(label: int, bits: int, raw: i
     value = abs(raw) % 2**bits
     encoder = independent.Encoder()
     encoder.encode(value=value, msb=29, lsb=29 - bits, label=label, sdi=sdi, ssm=ssm, scale=1.0, encoding="BNR")
-    made = wire.encode_bnr(f"{label:03o}", float(value), 2.0**bits, bits, state=BnrState(ssm), sdi=sdi)
-    assert made == encoder[0].word
-    assert wire.decode_bnr(made, 2.0**bits, bits) == value
+    number = wire.encode_bnr(f"{label:03o}", float(value), 2.0**bits, bits, state=BnrState(ssm), sdi=sdi)
+    assert number == encoder[0].word
+    assert wire.decode_bnr(number, 2.0**bits, bits) == value
 
 
 @given(st.integers(8, 20), st.data())
@@ -119,9 +119,9 @@ def test_a_bcd_digit_above_nine_is_no_number() -> None:
     word = wire.with_parity(wire.label_byte("165") | 0xA << 10)
     assert wire.decode_bcd(word, 0.1) is None
     chosen = options(set="radio_altimeter_bcd")
-    found = feed(words(word, word, word), chosen)
-    assert found[0] == RadioHeight(stamp=Stamp(1), height_agl=None, valid=False)
-    assert found[1] == DeviceStatus(stamp=Stamp(1), ok=False, flags=("radio_height_bad_digit",))
+    measurements = feed(words(word, word, word), chosen)
+    assert measurements[0] == RadioHeight(stamp=Stamp(1), height_agl=None, valid=False)
+    assert measurements[1] == DeviceStatus(stamp=Stamp(1), ok=False, flags=("radio_height_bad_digit",))
 
 
 # ----------------------------------------------------------------------------------------------- sign and status
@@ -143,8 +143,8 @@ def test_only_normal_is_valid(state: BnrState, height: float | None, flag: str) 
 
 def test_a_failed_pressure_is_a_status_and_no_pressure() -> None:
     word = wire.encode_bnr("217", 28.0, 64.0, 16, state=BnrState.FAILURE)
-    found = feed(words(word, word, word), options(set="air_data"))
-    assert {type(m) for m in found} == {DeviceStatus}
+    measurements = feed(words(word, word, word), options(set="air_data"))
+    assert {type(m) for m in measurements} == {DeviceStatus}
 
 
 def test_the_emulator_says_what_is_not_valid() -> None:
@@ -172,8 +172,8 @@ def test_own_labels_go_before_the_set_and_take_sdi_and_sign() -> None:
     left = {"label": "164", "quantity": "radio_height", "unit": "ft", "range": 4096.0, "bits": 16, "sdi": 1, "sign": -1}
     chosen = options(labels=[left])
     one = wire.encode_bnr("164", -100.0, 4096.0, 16, state=BnrState.NORMAL, sdi=1)
-    found = feed(words(one, HEIGHT_100, one, HEIGHT_100), chosen)
-    assert [m.height_agl for m in found if isinstance(m, RadioHeight)] == pytest.approx([100.0 * FOOT] * 4)
+    measurements = feed(words(one, HEIGHT_100, one, HEIGHT_100), chosen)
+    assert [m.height_agl for m in measurements if isinstance(m, RadioHeight)] == pytest.approx([100.0 * FOOT] * 4)
 
 
 def test_altitudes_with_and_without_standard_setting_are_two_labels() -> None:

@@ -57,16 +57,16 @@ def measured(label: Label, value: float) -> Measurement:
         return Reading(stamp=S, name=label.reading, value=value * factor + offset, unit=si)
     quantity = QUANTITIES[label.quantity]
     si_value = (value * factor + offset) * quantity.sign
-    made: Measurement = quantity.measurement(stamp=S, **dict(quantity.constant), **{quantity.field: si_value})
-    return made
+    measurement: Measurement = quantity.measurement(stamp=S, **dict(quantity.constant), **{quantity.field: si_value})
+    return measurement
 
 
-def value_of(label: Label, found: Measurement) -> float:
+def value_of(label: Label, measurement: Measurement) -> float:
     """The value in the unit of the wire."""
     factor, offset = to_si(label)
     sign = 1 if label.reading else QUANTITIES[label.quantity].sign
     field = "value" if label.reading else QUANTITIES[label.quantity].field
-    value: float = getattr(found, field)
+    value: float = getattr(measurement, field)
     return (value * sign - offset) / factor
 
 
@@ -161,10 +161,10 @@ def test_every_bit_of_a_discrete_word_comes_back(label: Label, data: st.DataObje
 
 @pytest.mark.parametrize("name", list(built_in_sets()))
 def test_every_built_in_set_says_where_it_is_from_and_who_sends_it(name: str) -> None:
-    found = built_in_sets()[name]
-    assert len(found.source) > 15
-    assert found.equipment
-    assert make_codecs(found)
+    label_set = built_in_sets()[name]
+    assert len(label_set.source) > 15
+    assert label_set.equipment
+    assert make_codecs(label_set)
 
 
 def test_a_twenty_bit_label_takes_the_bits_of_the_sdi_and_an_other_one_keeps_it() -> None:
@@ -226,9 +226,9 @@ def test_one_configuration_reads_label_165_as_a_height_and_as_a_vertical_speed(t
     (tmp_path / "two.toml").write_text(CONFIGURATION)
     (tmp_path / "our_labels.toml").write_text(OUR_LABELS)
     altimeter, gps = bind_devices(config.load(tmp_path / "two.toml"))
-    found = altimeter.make_decoder().feed(HEIGHT_165.to_bytes(4, "big") * 3, 1)
-    assert isinstance(found[0], RadioHeight)
-    assert found[0].height_agl == pytest.approx(1234.5 * FOOT)
+    results = altimeter.make_decoder().feed(HEIGHT_165.to_bytes(4, "big") * 3, 1)
+    assert isinstance(results[0], RadioHeight)
+    assert results[0].height_agl == pytest.approx(1234.5 * FOOT)
     sent = gps.driver.make_encoder(gps.options).encode(Velocity(stamp=S, down=-1500.0 * FOOT / 60))
     assert int.from_bytes(sent[0][-4:], "big") == CLIMB_165
     (measurements,) = gps.make_decoder().feed(sent[0], 1)
@@ -247,9 +247,9 @@ def test_labels_beside_a_file_of_labels_are_not_lost_without_a_word(tmp_path: Pa
 def test_the_equipment_that_sends_is_compared_with_the_one_of_the_set() -> None:
     decoder = arinc429.make_decoder(arinc429.Options(set="radio_altimeter_bcd"))
     words = [HEIGHT_165, HEIGHT_165, wire.encode_discrete("377", 0x00B << 10, state=DiscreteState.NORMAL)]
-    found = decoder.feed(b"".join(word.to_bytes(4, "big") for word in words), 1)
-    assert Reading(stamp=Stamp(1), name="equipment_id", value=11.0) in found
-    assert found[-1] == DeviceStatus(stamp=Stamp(1), ok=False, flags=("equipment_00B_instead_of_007",))
+    measurements = decoder.feed(b"".join(word.to_bytes(4, "big") for word in words), 1)
+    assert Reading(stamp=Stamp(1), name="equipment_id", value=11.0) in measurements
+    assert measurements[-1] == DeviceStatus(stamp=Stamp(1), ok=False, flags=("equipment_00B_instead_of_007",))
 
 
 def test_a_discrete_word_names_what_is_set_and_what_is_not_normal() -> None:
@@ -326,8 +326,8 @@ def test_the_label_of_one_source_goes_before_that_of_any_source(order: int) -> N
     labels = [GOOD, {"label": "164", "sdi": 2, "reading": "height_of_the_other", "range": 8192.0, "bits": 16}]
     decoder = arinc429.make_decoder(bind(arinc429.Options, {"set": "none", "labels": labels[::order]}, "test.toml"))
     words = [wire.encode_bnr("164", 100.0, 8192.0, 16, state=BnrState.NORMAL, sdi=sdi) for sdi in (1, 2, 1)]
-    found = decoder.feed(b"".join(word.to_bytes(4, "big") for word in words), 1)
-    assert [type(m) for m in found] == [RadioHeight, Reading, RadioHeight]
+    measurements = decoder.feed(b"".join(word.to_bytes(4, "big") for word in words), 1)
+    assert [type(m) for m in measurements] == [RadioHeight, Reading, RadioHeight]
 
 
 def test_steps_of_the_instrument_are_the_sigma_of_the_height() -> None:
@@ -343,16 +343,16 @@ def test_steps_of_the_instrument_are_the_sigma_of_the_height() -> None:
 def test_the_localizer_word_that_a_maker_prints_is_fly_right() -> None:
     """Genesys 64-000109 (GDR NAV/COMM installation manual), table 29: +0.021 DDM, bits 32 to 1 as printed there."""
     printed = int("1_11_0_000011011000_000000_00_11011110", 2)
-    found = arinc429.make_decoder(arinc429.Options(set="ils")).feed(printed.to_bytes(4, "big") * 3, 1)
-    assert found[0] == Deviation(stamp=Stamp(1), localizer_ddm=216 * 0.4 / 4096)
-    assert arinc429.make_encoder(arinc429.Options(set="ils")).encode(found[0]) == [printed.to_bytes(4, "big")]
+    measurements = arinc429.make_decoder(arinc429.Options(set="ils")).feed(printed.to_bytes(4, "big") * 3, 1)
+    assert measurements[0] == Deviation(stamp=Stamp(1), localizer_ddm=216 * 0.4 / 4096)
+    assert arinc429.make_encoder(arinc429.Options(set="ils")).encode(measurements[0]) == [printed.to_bytes(4, "big")]
 
 
 def test_distances_in_both_kinds_of_words_are_nautical_miles() -> None:
     """12.34 NM in BCD is 22853.68 m; 1579 steps of 512 / 2^16 NM are 12.3359375 NM.  Words: PyPI arinc429, encoder."""
     decoder = arinc429.make_decoder(arinc429.Options(set="dme"))
-    found = decoder.feed(bytes.fromhex("0048d081 e062b041") * 2, 1)
-    assert found[:2] == [
+    measurements = decoder.feed(bytes.fromhex("0048d081 e062b041") * 2, 1)
+    assert measurements[:2] == [
         DmeRange(stamp=Stamp(1), station="dme_1", slant_range=pytest.approx(22_853.68)),  # type: ignore[arg-type]
         DmeRange(stamp=Stamp(1), station="dme_1", slant_range=12.3359375 * 1852.0),
     ]

@@ -35,8 +35,8 @@ def decoder(kind: str, **changes: object) -> arinc429.Decoder:
     return arinc429.make_decoder(options(packets=kind, **changes))
 
 
-def heights(found: list[Measurement]) -> list[float]:
-    measurements = [m.height_agl for m in found if isinstance(m, RadioHeight)]
+def heights(results: list[Measurement]) -> list[float]:
+    measurements = [m.height_agl for m in results if isinstance(m, RadioHeight)]
     return [round(height / FOOT, 6) for height in measurements if height is not None]
 
 
@@ -51,8 +51,8 @@ def packet(kind: str, *heights_ft: float, bus: int = 0, packer: Packets | None =
 def test_a_word_has_the_time_of_the_maker_of_packets(kind: str) -> None:
     sent = Attitude(stamp=Stamp(5, 3_600_000_000_100, TimeScale.BOOT), pitch=0.1, roll=-0.1)
     (data,) = arinc429.make_encoder(options(packets=kind, set="ahrs")).encode(sent)
-    found = decoder(kind, set="ahrs").feed(data, 9)
-    assert [m.stamp for m in found] == [Stamp(9, 3_600_000_000_100, TimeScale.BOOT)] * 2
+    measurements = decoder(kind, set="ahrs").feed(data, 9)
+    assert [m.stamp for m in measurements] == [Stamp(9, 3_600_000_000_100, TimeScale.BOOT)] * 2
 
 
 @each_kind
@@ -96,10 +96,10 @@ def test_packets_that_never_came_are_counted_and_a_new_beginning_is_none(kind: s
 @given(st.integers(0, 50), st.binary(max_size=20))
 def test_the_next_whole_packet_is_found_after_a_broken_one(kind: str, lost: int, noise: bytes) -> None:
     broken = packet(kind, 100.0, 101.0)
-    found = decoder(kind)
-    measurements = heights(found.feed(broken[: len(broken) - lost - 1] + noise + packet(kind, 200.0, bus=1) * 3, 1))
+    result = decoder(kind)
+    measurements = heights(result.feed(broken[: len(broken) - lost - 1] + noise + packet(kind, 200.0, bus=1) * 3, 1))
     assert measurements[-2:] == [200.0, 200.0]
-    assert found.counters.held < 64
+    assert result.counters.held < 64
 
 
 # ------------------------------------------------------------------------------------------------------------ APMP

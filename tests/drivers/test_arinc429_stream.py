@@ -53,8 +53,8 @@ def test_a_stream_that_begins_with_a_word_is_accepted_after_three() -> None:
 def test_anywhere_else_as_many_words_are_wanted_as_noise_can_not_make() -> None:
     decoder = arinc429.make_decoder(options())
     assert decoder.feed(b"\x00" + words(*map(height_word, CLIMB[: WANTED - 1])), 1) == []
-    found = decoder.feed(words(height_word(CLIMB[WANTED - 1])), 2)
-    assert heights(found) == CLIMB[:WANTED]
+    measurements = decoder.feed(words(height_word(CLIMB[WANTED - 1])), 2)
+    assert heights(measurements) == CLIMB[:WANTED]
 
 
 @pytest.mark.parametrize(
@@ -78,16 +78,16 @@ def test_a_lost_byte_costs_its_word_and_nothing_false() -> None:
     stream = [words(height_word(h)) for h in CLIMB]
     for lost in range(4):
         broken = [*stream[:9], stream[9][:lost] + stream[9][lost + 1 :], *stream[10:]]
-        found = heights(arinc429.make_decoder(options()).feed(b"".join(broken), 1))
-        assert found == [*CLIMB[:9], *CLIMB[10:]]
+        values = heights(arinc429.make_decoder(options()).feed(b"".join(broken), 1))
+        assert values == [*CLIMB[:9], *CLIMB[10:]]
 
 
 def test_a_flipped_bit_costs_its_word_and_is_waited_for_by_two() -> None:
     for bit in range(32):
         decoder = arinc429.make_decoder(options())
-        found = decoder.feed(words(*map(height_word, CLIMB[:9]), height_word(CLIMB[9]) ^ 1 << bit), 1)
-        found += decoder.feed(words(*map(height_word, CLIMB[10:12])), 2)
-        assert heights(found) == [*CLIMB[:9], *CLIMB[10:12]]
+        measurements = decoder.feed(words(*map(height_word, CLIMB[:9]), height_word(CLIMB[9]) ^ 1 << bit), 1)
+        measurements += decoder.feed(words(*map(height_word, CLIMB[10:12])), 2)
+        assert heights(measurements) == [*CLIMB[:9], *CLIMB[10:12]]
         assert decoder.counters.skipped == {"bad_parity": 4}
 
 
@@ -112,10 +112,10 @@ def test_a_lost_byte_among_words_that_do_not_change_is_noticed() -> None:
     """All places have good parity for ever; the one with the labels is found again, and soon."""
     decoder = arinc429.make_decoder(options())
     decoder.feed(words(HEIGHT_100) * 10 + words(HEIGHT_100)[:3], 1)
-    found = heights(decoder.feed(words(HEIGHT_100) * 10, 2))
-    assert set(found) == {100.0}
-    assert len(found) >= 9
-    assert decoder.counters.messages == {"radio_height": len(found) + 10}
+    values = heights(decoder.feed(words(HEIGHT_100) * 10, 2))
+    assert set(values) == {100.0}
+    assert len(values) >= 9
+    assert decoder.counters.messages == {"radio_height": len(values) + 10}
 
 
 def test_two_places_that_look_alike_are_not_chosen_between() -> None:
@@ -132,15 +132,15 @@ def test_words_that_are_not_enabled_are_framed_and_counted() -> None:
     assert decoder.feed(words(HEIGHT_100, HEIGHT_100, height_word(50.0), OTHER), 1)
     assert decoder.counters.held == 4
     decoder = arinc429.make_decoder(options())
-    found = decoder.feed(words(HEIGHT_100, OTHER, OTHER, height_word(50.0), OTHER, HEIGHT_100), 1)
-    assert len(found) == 3
+    measurements = decoder.feed(words(HEIGHT_100, OTHER, OTHER, height_word(50.0), OTHER, HEIGHT_100), 1)
+    assert len(measurements) == 3
     assert decoder.counters.messages == {"radio_height": 3, "other": 3}
 
 
 def test_rare_labels_are_found_among_many_others() -> None:
     decoder = arinc429.make_decoder(options())
-    found = decoder.feed((words(HEIGHT_100) + words(OTHER) * 100) * 4, 1)
-    assert len(found) == 4
+    measurements = decoder.feed((words(HEIGHT_100) + words(OTHER) * 100) * 4, 1)
+    assert len(measurements) == 4
     assert decoder.counters.messages["other"] >= 400 - 64
     assert decoder.counters.held <= SEARCH_BYTES
 

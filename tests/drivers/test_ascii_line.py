@@ -148,12 +148,12 @@ def test_a_quantity_is_sent_in_its_unit_and_becomes_si() -> None:
         {"name": "ground_speed", "unit": "kt"},
     ]
     line = "{static_pressure:.2f},{static_air_temperature:.1f},{ground_speed:.1f}"
-    found = decoded(b"1013.25,15.0,100.0\r\n", line=line, fields=fields)
-    assert found[0] == StaticPressure(stamp=S, p_static=101_325.0)
-    assert isinstance(found[1], Temperature)
-    assert found[1].static == pytest.approx(288.15)
-    assert isinstance(found[2], Velocity)
-    assert found[2].ground_speed == pytest.approx(51.4444, abs=1e-4)
+    measurements = decoded(b"1013.25,15.0,100.0\r\n", line=line, fields=fields)
+    assert measurements[0] == StaticPressure(stamp=S, p_static=101_325.0)
+    assert isinstance(measurements[1], Temperature)
+    assert measurements[1].static == pytest.approx(288.15)
+    assert isinstance(measurements[2], Velocity)
+    assert measurements[2].ground_speed == pytest.approx(51.4444, abs=1e-4)
 
 
 def test_scale_and_offset_come_before_the_unit() -> None:
@@ -167,16 +167,16 @@ def test_scale_and_offset_come_before_the_unit() -> None:
 @pytest.mark.parametrize("text", ["-1.00", "130.00", "///", "E15"])
 def test_a_lost_signal_is_not_a_value(text: str) -> None:
     fields = [{"name": "slant_range", "lost": [-1.0, 130, "///", "E15"]}]
-    found = decoded(f"{text}\r\n12.50\r\n".encode(), line="{slant_range:.2f}", fields=fields)
-    assert found == [Range(stamp=S, slant_range=None, valid=False), Range(stamp=S, slant_range=12.5)]
+    measurements = decoded(f"{text}\r\n12.50\r\n".encode(), line="{slant_range:.2f}", fields=fields)
+    assert measurements == [Range(stamp=S, slant_range=None, valid=False), Range(stamp=S, slant_range=12.5)]
 
 
 def test_lines_may_mean_that_there_is_no_measurement() -> None:
     table = {"line": "{slant_range:.2f} {level:d}", "lost_lines": ["E{_:d}", "no target"], "fields": []}
     decoder = al.make_decoder(options(**table))
-    found = decoder.feed(b"E15\r\nno target\r\nno targets\r\n1.00 5\r\n", 1)
-    assert [m.valid for m in found if isinstance(m, Range)] == [False, False, True]
-    assert [m.valid for m in found if isinstance(m, Reading)] == [False, False, True]
+    measurements = decoder.feed(b"E15\r\nno target\r\nno targets\r\n1.00 5\r\n", 1)
+    assert [m.valid for m in measurements if isinstance(m, Range)] == [False, False, True]
+    assert [m.valid for m in measurements if isinstance(m, Reading)] == [False, False, True]
     assert decoder.counters.messages == {"lost_line": 2, "line": 1}
     assert decoder.counters.skipped == {"other_line": 11}
 
@@ -184,8 +184,8 @@ def test_lines_may_mean_that_there_is_no_measurement() -> None:
 def test_a_line_for_lost_wins_over_the_template_that_it_is_like() -> None:
     table = {"line": "{slant_range:f}", "lost_lines": ["130.00", "{_:d}.0"]}
     decoder = al.make_decoder(options(**table))
-    found = decoder.feed(b"130.00\r\n7.0\r\n7.5\r\n", 1)
-    assert [m.slant_range for m in found if isinstance(m, Range)] == [None, None, 7.5]
+    measurements = decoder.feed(b"130.00\r\n7.0\r\n7.5\r\n", 1)
+    assert [m.slant_range for m in measurements if isinstance(m, Range)] == [None, None, 7.5]
     assert decoder.counters.messages == {"lost_line": 2, "line": 1}
 
 
@@ -202,8 +202,8 @@ def test_a_line_for_lost_wins_over_the_template_that_it_is_like() -> None:
 def test_a_lost_number_may_be_written_in_quotes(spec: str, lost: object, text: str) -> None:
     """Quoted as the device prints it, or as a number: it is lost however it is written."""
     fields = [{"name": "slant_range", "lost": [lost]}]
-    found = decoded(f"{text}\r\n".encode(), line=f"{{slant_range:{spec}}}", fields=fields)
-    assert found == [Range(stamp=S, slant_range=None, valid=False)]
+    measurements = decoded(f"{text}\r\n".encode(), line=f"{{slant_range:{spec}}}", fields=fields)
+    assert measurements == [Range(stamp=S, slant_range=None, valid=False)]
 
 
 def test_a_word_for_lost_may_begin_a_number_and_need_not_fill_the_width() -> None:
@@ -231,15 +231,15 @@ def test_what_a_needed_field_needs_is_needed_too() -> None:
         {"name": "level", "needs": ["_state"]},
         {"name": "_state", "good": [1], "needs": ["slant_range"]},
     ]
-    found = decoded(b"9.0,5,1\r\n9.0,5,0\r\n", line="{slant_range:f},{level:d},{_state:d}", fields=fields)
-    assert [m.valid for m in found] == [True, True, False, False]  # type: ignore[union-attr]
+    measurements = decoded(b"9.0,5,1\r\n9.0,5,0\r\n", line="{slant_range:f},{level:d},{_state:d}", fields=fields)
+    assert [m.valid for m in measurements] == [True, True, False, False]  # type: ignore[union-attr]
 
 
 def test_the_fields_of_the_default_are_those_of_its_line() -> None:
     own = config.bind(al.Options, {"line": "T={temperature:f}", "first_line": "take"}, "a.toml", "options")
     assert al.make_decoder(own).feed(b"T=21.5\r\n", 1) == [Reading(stamp=S, name="temperature", value=21.5)]
-    kept = config.bind(al.Options, {"line": "D {slant_range:.2f}", "first_line": "take"}, "a.toml", "options")
-    assert al.make_decoder(kept).feed(b"D 130.00\r\n", 1) == [Range(stamp=S, slant_range=None, valid=False)]
+    model = config.bind(al.Options, {"line": "D {slant_range:.2f}", "first_line": "take"}, "a.toml", "options")
+    assert al.make_decoder(model).feed(b"D 130.00\r\n", 1) == [Range(stamp=S, slant_range=None, valid=False)]
 
 
 def test_limits_good_words_and_needs_decide_on_validity() -> None:
@@ -251,10 +251,10 @@ def test_limits_good_words_and_needs_decide_on_validity() -> None:
             {"name": "_state", "good": ["A", "D"]},
         ],
     }
-    found = decoded(b"9.00,100,A\r\n9.00,99,A\r\n9.00,501,D\r\n9.00,200,V\r\n9.00,500,D\r\n", **table)
-    assert [m.valid for m in found if isinstance(m, Range)] == [True, False, False, False, True]
-    assert [m.valid for m in found if isinstance(m, Reading)] == [True, False, False, True, True]
-    assert all(m.valid or m.slant_range is None for m in found if isinstance(m, Range))
+    measurements = decoded(b"9.00,100,A\r\n9.00,99,A\r\n9.00,501,D\r\n9.00,200,V\r\n9.00,500,D\r\n", **table)
+    assert [m.valid for m in measurements if isinstance(m, Range)] == [True, False, False, False, True]
+    assert [m.valid for m in measurements if isinstance(m, Reading)] == [True, False, False, True, True]
+    assert all(m.valid or m.slant_range is None for m in measurements if isinstance(m, Range))
 
 
 def test_what_cannot_be_without_a_value_is_not_sent_when_there_is_none() -> None:
@@ -267,11 +267,11 @@ def test_what_cannot_be_without_a_value_is_not_sent_when_there_is_none() -> None
 
 def test_characters_are_a_reading_too() -> None:
     table = {"line": "{model:s},{state:d}"}
-    found = decoded(b"SF11,2\r\n", **table)
-    assert found[0] == Reading(stamp=S, name="model", value=None, text="SF11")
+    measurements = decoded(b"SF11,2\r\n", **table)
+    assert measurements[0] == Reading(stamp=S, name="model", value=None, text="SF11")
     named = Reading(stamp=S, name="state", value=2.0, text="tracking")  # a number that has a name is sent as a number
     encoder = al.make_encoder(options(**table))
-    assert encoder.encode(found[0]) + encoder.encode(named) == [b"SF11,2\r\n"]
+    assert encoder.encode(measurements[0]) + encoder.encode(named) == [b"SF11,2\r\n"]
 
 
 @pytest.mark.parametrize(
@@ -406,8 +406,8 @@ def test_the_first_line_is_not_taken_unless_it_is_known_to_be_whole() -> None:
 
 @pytest.mark.parametrize("text", ["130.00", "160.0", "230", "250.00", "0.00", "-1.00", "500.01", "E15"])
 def test_what_is_assumed_of_the_ilm_500_takes_no_lost_signal_for_a_range(text: str) -> None:
-    found = al.make_decoder(al.Options()).feed(f"\r\n{text}\r\n129.99\r".encode(), 1)
-    assert found == [Range(stamp=S, slant_range=None, valid=False), Range(stamp=S, slant_range=129.99)]
+    measurements = al.make_decoder(al.Options()).feed(f"\r\n{text}\r\n129.99\r".encode(), 1)
+    assert measurements == [Range(stamp=S, slant_range=None, valid=False), Range(stamp=S, slant_range=129.99)]
 
 
 def test_other_terminators() -> None:
@@ -419,8 +419,8 @@ def test_other_terminators() -> None:
 
 def test_a_line_that_is_too_long_is_left_behind() -> None:
     decoder = al.make_decoder(options(line="{x:d}", longest=16))
-    found = decoder.feed(b"1" * 100 + b"\r\n5\r\n", 1)
-    assert [m.value for m in found if isinstance(m, Reading)] == [5.0]
+    measurements = decoder.feed(b"1" * 100 + b"\r\n5\r\n", 1)
+    assert [m.value for m in measurements if isinstance(m, Reading)] == [5.0]
     assert decoder.counters.skipped == {"too_long": 96, "no_beginning": 5}
 
 

@@ -137,9 +137,9 @@ def test_a_length_that_cannot_be_costs_one_byte() -> None:
 def test_a_field_behind_the_end_of_a_short_frame_says_nothing() -> None:
     table = {**LWNX, "fields": [*LWNX["fields"], {"name": "x", "at": 6, "type": "u8"}]}
     short = bs.make_encoder(options(LWNX)).encode(Range(stamp=S, slant_range=5.0))[0]
-    found = decoded(short, table)
+    measurements = decoded(short, table)
     # the byte where x would be belongs to the checksum, and a checksum is no value of a field
-    assert found == [Range(stamp=S, slant_range=5.0), Reading(stamp=S, name="x", value=None, valid=False)]
+    assert measurements == [Range(stamp=S, slant_range=5.0), Reading(stamp=S, name="x", value=None, valid=False)]
 
 
 @pytest.mark.parametrize("kind", ["xor8", "sum8", "sum16", "crc16_arc", "crc16_modbus", "crc16_kermit", "crc32"])
@@ -180,8 +180,8 @@ def test_units_become_si() -> None:
 
 def test_a_number_that_is_none_is_not_valid() -> None:
     fields = [{"name": "x", "at": 1, "type": "f32"}]
-    found = decoded(b"\xa5" + struct.pack("<f", float("nan")), {"sync": "a5", "length": 5, "fields": fields})
-    assert found == [Reading(stamp=S, name="x", value=None, valid=False)]
+    measurements = decoded(b"\xa5" + struct.pack("<f", float("nan")), {"sync": "a5", "length": 5, "fields": fields})
+    assert measurements == [Reading(stamp=S, name="x", value=None, valid=False)]
 
 
 @pytest.mark.parametrize(
@@ -267,8 +267,8 @@ def test_a_lost_number_is_what_its_type_makes_of_it() -> None:
     """999.9 as a float of four bytes is 999.9000244."""
     fields = [{"name": "slant_range", "at": 1, "type": "f32", "lost": [999.9]}]
     data = b"\xa5" + struct.pack("<f", 999.9) + b"\xa5" + struct.pack("<f", 999.8)
-    found = decoded(data, {"sync": "a5", "length": 5, "fields": fields})
-    assert [m.valid for m in found if isinstance(m, Range)] == [False, True]
+    measurements = decoded(data, {"sync": "a5", "length": 5, "fields": fields})
+    assert [m.valid for m in measurements if isinstance(m, Range)] == [False, True]
 
 
 def test_numbers_high_byte_first_and_the_checksum_low_byte_first() -> None:
@@ -278,9 +278,9 @@ def test_numbers_high_byte_first_and_the_checksum_low_byte_first() -> None:
     table = {"sync": "0103", "length": 8, "byte_order": "big", "fields": fields, "checksum": checksum}
     assert values(bytes.fromhex("0103000f0002f408"), table) == [15.0, 2.0]
     assert values(bytes.fromhex("0103000f000208f4"), table) == []
-    found = decoded(bytes.fromhex("0103000f0002f408"), table)
+    measurements = decoded(bytes.fromhex("0103000f0002f408"), table)
     encoder = bs.make_encoder(options(table))
-    assert [frame for m in found for frame in encoder.encode(m)] == [bytes.fromhex("0103000f0002f408")]
+    assert [frame for m in measurements for frame in encoder.encode(m)] == [bytes.fromhex("0103000f0002f408")]
 
 
 @given(st.binary(max_size=200))

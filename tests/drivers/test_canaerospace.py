@@ -59,9 +59,9 @@ def typed(can_id: int, kind: int, data: bytes, *, node: int = 1, code: int = 0) 
 
 def feed(*frames: bytes, **keys: Any) -> tuple[list[Measurement], dict[str, int]]:
     decoder = can.make_decoder(can.Options(**keys))
-    found = [m for frame in frames for m in decoder.feed(frame, 1)]
+    measurements = [m for frame in frames for m in decoder.feed(frame, 1)]
     assert decoder.counters.bytes_in == decoder.counters.framed + sum(decoder.counters.skipped.values())
-    return found, dict(decoder.counters.skipped)
+    return measurements, dict(decoder.counters.skipped)
 
 
 @pytest.mark.parametrize(
@@ -176,15 +176,15 @@ def test_other_node_services_are_counted_by_name() -> None:
 # ---------------------------------------------------------------------------------------- lost, repeated, silent
 
 
-def reported(found: list[Measurement]) -> list[str]:
-    return [flag for m in found if isinstance(m, DeviceStatus) for flag in m.flags]
+def reported(measurements: list[Measurement]) -> list[str]:
+    return [flag for m in measurements if isinstance(m, DeviceStatus) for flag in m.flags]
 
 
 def test_message_codes_tell_what_was_lost_and_what_came_twice() -> None:
     decoder = can.make_decoder(can.Options())
-    found = [m for code in (253, 254, 254, 1, 2) for m in decoder.feed(static_pressure(1000.0, code=code), 1)]
-    assert reported(found) == ["static_pressure_repeated", "static_pressure_lost_2"]
-    assert len([m for m in found if isinstance(m, StaticPressure)]) == 5
+    measurements = [m for code in (253, 254, 254, 1, 2) for m in decoder.feed(static_pressure(1000.0, code=code), 1)]
+    assert reported(measurements) == ["static_pressure_repeated", "static_pressure_lost_2"]
+    assert len([m for m in measurements if isinstance(m, StaticPressure)]) == 5
     assert decoder.counters.lost == {"static_pressure": 2}
 
 

@@ -89,8 +89,10 @@ def test_driver_has_a_vector_from_outside_and_a_canonical_one(name: str) -> None
 @each_driver
 def test_driver_says_whether_it_gives_inertial_data(name: str) -> None:
     """As its vectors do: both vectors of an inertial unit, of one message or another."""
-    found = [m for v in vectors_of(name) for m in feed_all(v.decoder(), v.reads() * 2) if isinstance(m, ImuSample)]
-    given = any(m.accel_b for m in found) and any(m.gyro_b for m in found)
+    measurements = [
+        m for v in vectors_of(name) for m in feed_all(v.decoder(), v.reads() * 2) if isinstance(m, ImuSample)
+    ]
+    given = any(m.accel_b for m in measurements) and any(m.gyro_b for m in measurements)
     assert drivers.is_inertial(drivers.load(name)) == given
 
 
@@ -100,12 +102,12 @@ def test_driver_says_whether_it_gives_inertial_data(name: str) -> None:
 @each_vector
 def test_vector_is_decoded_to_what_the_independent_side_says(vector: Vector) -> None:
     decoder = vector.decoder()
-    found = feed_all(decoder, vector.reads() * 2)
+    results = feed_all(decoder, vector.reads() * 2)
     assert decoder.counters.framed + decoder.counters.held == 2 * len(vector.data)
     for number, expected in enumerate(vector.facts["expect"]):
         facts = dict(expected)
         kind, index, tolerance = facts.pop("measurement"), facts.pop("index"), facts.pop("tolerance", 1e-12)
-        measurements = list(of_class(found, kind))[index]
+        measurements = list(of_class(results, kind))[index]
         assert_matches(measurements, facts, tolerance, f"expect[{number}] {kind}[{index}]")
 
 
@@ -127,8 +129,8 @@ def test_what_was_decoded_is_encoded_to_the_same_bytes(vector: Vector) -> None:
     decoder, encoder = vector.decoder(), vector.driver.make_encoder(vector.options)
     copies = 1 if decoder.feed(vector.data, 7) and not decoder.counters.held else 2
     decoder = vector.decoder()
-    found = feed_all(decoder, vector.reads() * copies)
-    again = b"".join(data for m in found for data in encoder.encode(m))
+    measurements = feed_all(decoder, vector.reads() * copies)
+    again = b"".join(data for m in measurements for data in encoder.encode(m))
     assert again[: len(vector.data)] == vector.data
 
 
@@ -179,8 +181,8 @@ def first_stamp(vector: Vector, stream: bytes, start: int) -> int | None:
     """Stamp of the first measurement of a stream that begins at start."""
     decoder = vector.decoder()
     for at in range(start, len(stream)):
-        if found := decoder.feed(stream[at : at + 1], at):
-            return found[0].stamp.t_rx_ns
+        if measurements := decoder.feed(stream[at : at + 1], at):
+            return measurements[0].stamp.t_rx_ns
     return None
 
 
@@ -188,8 +190,8 @@ def first_stamp(vector: Vector, stream: bytes, start: int) -> int | None:
 def test_messages_released_by_one_read_keep_their_own_stamps(vector: Vector) -> None:
     half = len(vector.data) // 2
     decoder = vector.decoder()
-    found = decoder.feed(vector.data[:half], 100) + decoder.feed(vector.data[half:] + vector.data, 200)
-    assert {m.stamp.t_rx_ns for m in found} == {100, 200}
+    measurements = decoder.feed(vector.data[:half], 100) + decoder.feed(vector.data[half:] + vector.data, 200)
+    assert {m.stamp.t_rx_ns for m in measurements} == {100, 200}
 
 
 # ------------------------------------------------------------------------------------------------------- garbage

@@ -52,14 +52,14 @@ CAPTURE = ROOT / "tests/captures/nmea2000_part1.candump.log"
 
 def feed(text: str, *frames: bytes, **keys: Any) -> tuple[list[Measurement], dbc.Decoder]:
     decoder = dbc.make_decoder(dbc.Options(dbc=text, **keys))
-    found = [m for i, frame in enumerate(frames) for m in decoder.feed(frame, 1 + i)]
+    measurements = [m for i, frame in enumerate(frames) for m in decoder.feed(frame, 1 + i)]
     counters = decoder.counters
     assert counters.bytes_in == counters.framed + sum(counters.skipped.values())
-    return found, decoder
+    return measurements, decoder
 
 
-def readings(found: list[Measurement]) -> dict[str, Reading]:
-    return {m.name: m for m in found if isinstance(m, Reading)}
+def readings(measurements: list[Measurement]) -> dict[str, Reading]:
+    return {m.name: m for m in measurements if isinstance(m, Reading)}
 
 
 # ----------------------------------------------------------------------------------------- comparison with cantools
@@ -250,8 +250,8 @@ def test_a_longer_frame_than_the_dbc_says_is_read_as_far_as_it_says() -> None:
 # ------------------------------------------------------------------------------------- lost, repeated, silent
 
 
-def reported(found: list[Measurement]) -> list[str]:
-    return [flag for m in found if isinstance(m, DeviceStatus) for flag in m.flags]
+def reported(measurements: list[Measurement]) -> list[str]:
+    return [flag for m in measurements if isinstance(m, DeviceStatus) for flag in m.flags]
 
 
 ALIVE = """VERSION ""
@@ -294,14 +294,14 @@ def test_a_node_that_falls_silent_is_reported_at_a_frame_of_another() -> None:
     decoder = dbc.make_decoder(dbc.Options(dbc=FEATURES))
     other = pack_can(0x123, b"")
     ms = 1_000_000
-    found: list[tuple[int, str]] = []
+    rows: list[tuple[int, str]] = []
     for t in range(0, 3000, 20):
         received = [] if 1000 < t <= 2000 else [engine(message_code=t // 100 % 16)] if t % 100 == 0 else []
         for frame in (*received, other):
-            found += [(t, flag) for flag in reported(decoder.feed(frame, 1 + t * ms))]
-    assert found[0] == (1520, "node_engine_silent")
-    assert [flag for _, flag in found[1:]] == ["engine_lost_10", "node_engine_back"]
-    assert found[1][0] == 2100
+            rows += [(t, flag) for flag in reported(decoder.feed(frame, 1 + t * ms))]
+    assert rows[0] == (1520, "node_engine_silent")
+    assert [flag for _, flag in rows[1:]] == ["engine_lost_10", "node_engine_back"]
+    assert rows[1][0] == 2100
 
 
 # ------------------------------------------------------------------------------------------------ another layout

@@ -59,20 +59,20 @@ class Rig:
         return self.take(self.nodes.encode(deflection(surface, raw)))
 
     def take(self, frames: Iterable[bytes]) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for frame in frames:
             self.sent.append(frame)
-            found += self.decoder.feed(frame, len(self.sent) * MS)
-        return found
+            measurements += self.decoder.feed(frame, len(self.sent) * MS)
+        return measurements
 
 
-def one(found: list[Measurement], kind: type[Any]) -> Any:
-    (only,) = [m for m in found if isinstance(m, kind)]
+def one(measurements: list[Measurement], kind: type[Any]) -> Any:
+    (only,) = [m for m in measurements if isinstance(m, kind)]
     return only
 
 
-def degrees(found: list[Measurement]) -> float | None:
-    measurements: float | None = one(found, SurfaceDeflection).deflection
+def degrees(results: list[Measurement]) -> float | None:
+    measurements: float | None = one(results, SurfaceDeflection).deflection
     return None if measurements is None else math.degrees(measurements)
 
 
@@ -143,17 +143,17 @@ def test_the_shipped_calibration_has_a_table_for_every_surface() -> None:
 
 def test_raw_count_and_deflection_of_a_sample_are_one_measurement() -> None:
     rig = Rig(calibration=FLAPS)
-    found = rig.measure("flaps", 3000)
-    assert one(found, SurfaceDeflection).raw == 3000
-    assert degrees(found) == pytest.approx(30.0, abs=1e-5)
+    measurements = rig.measure("flaps", 3000)
+    assert one(measurements, SurfaceDeflection).raw == 3000
+    assert degrees(measurements) == pytest.approx(30.0, abs=1e-5)
     assert [unpack_can(frame).can_id for frame in rig.sent] == [1605, 1501]
 
 
 def test_counts_of_another_sample_do_not_belong_to_a_deflection() -> None:
     nodes, decoder = pickups.make_encoder(options()), pickups.make_decoder(options())
     first, second = nodes.encode(deflection("rudder", 2000)), nodes.encode(deflection("rudder", 2100))
-    found = [m for frame in (first[0], second[1]) for m in decoder.feed(frame, 1)]
-    assert one(found, SurfaceDeflection).raw is None
+    measurements = [m for frame in (first[0], second[1]) for m in decoder.feed(frame, 1)]
+    assert one(measurements, SurfaceDeflection).raw is None
 
 
 def test_a_count_belongs_to_one_deflection_only() -> None:
@@ -163,8 +163,8 @@ def test_a_count_belongs_to_one_deflection_only() -> None:
         " SG_ left_flap_deflection", "\nBO_ 101 angles: 8 box\n SG_ left_flap_deflection")  # fmt: skip
     decoder = pickups.make_decoder(options(dbc=uncounted))
     frames = (pack_can(100, bytes([7, *bytes(7)])), pack_can(101, bytes(8)), pack_can(101, bytes(8)))
-    found = [m for frame in frames for m in decoder.feed(frame, 1)]
-    assert [m.raw for m in found if isinstance(m, SurfaceDeflection) and m.surface == "left_flap"] == [7, None]
+    measurements = [m for frame in frames for m in decoder.feed(frame, 1)]
+    assert [m.raw for m in measurements if isinstance(m, SurfaceDeflection) and m.surface == "left_flap"] == [7, None]
 
 
 def test_the_ten_pickups_of_table_6_2_are_there_with_their_buses() -> None:
@@ -203,21 +203,24 @@ def test_frames_that_say_nothing_are_counted_by_reason(frame: bytes, reason: str
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_a_deflection_that_is_no_number_is_not_valid(value: float) -> None:
     decoder = pickups.make_decoder(options())
-    found = decoder.feed(pack_can(306, bytes([21, 2, 0, 0]) + struct.pack(">f", value)), 1)
-    assert (one(found, SurfaceDeflection).deflection, one(found, SurfaceDeflection).valid) == (None, False)
+    measurements = decoder.feed(pack_can(306, bytes([21, 2, 0, 0]) + struct.pack(">f", value)), 1)
+    assert (one(measurements, SurfaceDeflection).deflection, one(measurements, SurfaceDeflection).valid) == (
+        None,
+        False,
+    )
 
 
 def test_lost_messages_and_silent_nodes_are_reported() -> None:
     nodes, decoder = pickups.make_encoder(options()), pickups.make_decoder(options())
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     for n in range(30):
         frames = nodes.encode(deflection("left_aileron", 2000))
         lost = 5 <= n < 8 or n >= 15
         for frame in [] if lost else frames:
-            found += decoder.feed(frame, 1 + 100 * n * MS)
+            measurements += decoder.feed(frame, 1 + 100 * n * MS)
         for frame in nodes.encode(deflection("elevator", 2000)):
-            found += decoder.feed(frame, 1 + 100 * n * MS + 1)
-    reported = [flag for m in found if isinstance(m, DeviceStatus) for flag in m.flags]
+            measurements += decoder.feed(frame, 1 + 100 * n * MS + 1)
+    reported = [flag for m in measurements if isinstance(m, DeviceStatus) for flag in m.flags]
     assert reported == ["left_aileron_raw_lost_3", "left_aileron_deflection_lost_3", "node_left_wing_silent"]
     assert decoder.counters.lost == {"left_aileron_raw": 3, "left_aileron_deflection": 3}
 
@@ -227,10 +230,10 @@ def test_lost_messages_and_silent_nodes_are_reported() -> None:
 
 def test_where_a_node_sends_raw_counts_only_the_table_is_applied_here() -> None:
     rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
-    found = rig.measure("flaps", 1500)
+    measurements = rig.measure("flaps", 1500)
     assert [unpack_can(frame).can_id for frame in rig.sent] == [1605]
-    assert degrees(found) == pytest.approx(10.0, abs=1e-9)
-    assert one(found, SurfaceDeflection).raw == 1500
+    assert degrees(measurements) == pytest.approx(10.0, abs=1e-9)
+    assert one(measurements, SurfaceDeflection).raw == 1500
     assert one(rig.measure("elevator", 2000), SurfaceDeflection).valid
 
 
@@ -262,8 +265,8 @@ def test_a_point_is_inserted_modified_and_deleted() -> None:
         ("delete_point", {"surface": "flaps", "raw": "1500"}, 10.0),
     ]
     for name, args, expected in steps:
-        found = rig.send(name, **args)
-        ack, reported = one(found, Ack), one(found, Calibration)
+        measurements = rig.send(name, **args)
+        ack, reported = one(measurements, Ack), one(measurements, Calibration)
         assert (ack.command, ack.accepted) == (name, True)
         assert ack.detail.startswith("flaps: raw 1500")
         assert (reported.surface, reported.change.split()[0]) == ("flaps", name)
@@ -303,8 +306,8 @@ def test_two_points_remain_and_more_than_32_are_not_taken() -> None:
     refused = one(rig.send("delete_point", surface="flaps", raw="3500"), Ack)
     assert (refused.accepted, refused.detail) == (False, "flaps: refused: fewer than 2 points would remain")
     for n in range(30):
-        found = rig.send("insert_point", surface="flaps", raw=str(600 + n), deg=str(0.1 + 0.1 * n))
-        assert one(found, Ack).accepted
+        measurements = rig.send("insert_point", surface="flaps", raw=str(600 + n), deg=str(0.1 + 0.1 * n))
+        assert one(measurements, Ack).accepted
     assert one(rig.send("insert_point", surface="flaps", raw="3000", deg="30"), Ack).detail.endswith("table is full")
 
 
@@ -320,10 +323,10 @@ def test_nothing_changes_before_the_node_has_acknowledged() -> None:
 
 def test_what_was_recorded_gives_the_same_again() -> None:
     rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
-    found = rig.measure("flaps", 1500) + rig.send("insert_point", surface="flaps", raw="1500", deg="12")
-    found += rig.measure("flaps", 1500) + rig.send("read_table", surface="flaps") + rig.measure("flaps", 1500)
+    measurements = rig.measure("flaps", 1500) + rig.send("insert_point", surface="flaps", raw="1500", deg="12")
+    measurements += rig.measure("flaps", 1500) + rig.send("read_table", surface="flaps") + rig.measure("flaps", 1500)
     again = pickups.make_decoder(rig.options)
-    assert [m for i, frame in enumerate(rig.sent, 1) for m in again.feed(frame, i * MS)] == found
+    assert [m for i, frame in enumerate(rig.sent, 1) for m in again.feed(frame, i * MS)] == measurements
 
 
 def test_an_acknowledgement_that_comes_twice_changes_the_table_once() -> None:
@@ -337,10 +340,10 @@ def test_a_table_is_read_from_the_node() -> None:
     """The node has another table than the file here says: after reading it, its own is applied."""
     rig = Rig(dbc=RAW_FLAPS)
     rig.decoder = pickups.make_decoder(options(dbc=RAW_FLAPS, calibration=FLAPS))
-    found = rig.send("read_table", surface="flaps")
-    assert one(found, Ack) == Ack(stamp=one(found, Ack).stamp, command="read_table", accepted=True,
+    measurements = rig.send("read_table", surface="flaps")
+    assert one(measurements, Ack) == Ack(stamp=one(measurements, Ack).stamp, command="read_table", accepted=True,
                                   detail="flaps: 2 points")  # fmt: skip
-    assert [p.raw for p in one(found, Calibration).points] == [256, 3840]
+    assert [p.raw for p in one(measurements, Calibration).points] == [256, 3840]
     assert degrees(rig.measure("flaps", 256)) == pytest.approx(-1.0)
     assert not [m for m in rig.send("read_table", surface="flaps") if isinstance(m, Calibration)]  # nothing new
 
@@ -348,17 +351,17 @@ def test_a_table_is_read_from_the_node() -> None:
 def test_a_table_of_which_a_point_is_missing_is_not_taken() -> None:
     rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
     answers = rig.nodes.respond(pickups.command("read_table", {"surface": "flaps"}, rig.options))
-    found = rig.take(answers[:2] + answers[3:])
-    assert (one(found, Ack).accepted, one(found, Ack).detail) == (False, "flaps: a point is missing")
+    measurements = rig.take(answers[:2] + answers[3:])
+    assert (one(measurements, Ack).accepted, one(measurements, Ack).detail) == (False, "flaps: a point is missing")
     assert degrees(rig.measure("flaps", 1500)) == pytest.approx(10.0, abs=1e-9)
 
 
 def test_a_change_that_does_not_fit_shows_that_the_node_has_another_table() -> None:
     rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
     rig.nodes = pickups.make_encoder(options(dbc=RAW_FLAPS, calibration="surface,raw,deg\nflaps,0,50\nflaps,4000,0\n"))
-    found = rig.send("insert_point", surface="flaps", raw="1000", deg="45")
-    assert one(found, Ack).accepted
-    assert one(found, DeviceStatus).flags == ("flaps_table_differs",)
+    measurements = rig.send("insert_point", surface="flaps", raw="1000", deg="45")
+    assert one(measurements, Ack).accepted
+    assert one(measurements, DeviceStatus).flags == ("flaps_table_differs",)
     assert degrees(rig.measure("flaps", 1500)) is None
     rig.send("read_table", surface="flaps")
     assert degrees(rig.measure("flaps", 1000)) == pytest.approx(45.0)
@@ -377,9 +380,9 @@ def test_a_change_of_a_point_that_the_table_here_has_not_shows_it_too(
     """The node has changed a point that is not here, or had none where there is one here: it has another table."""
     rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
     rig.nodes = pickups.make_encoder(options(dbc=RAW_FLAPS, calibration=f"surface,raw,deg\n{node}"))
-    found = rig.send(name, surface="flaps", **args)
-    assert one(found, Ack).accepted
-    assert one(found, DeviceStatus).flags == ("flaps_table_differs",)
+    measurements = rig.send(name, surface="flaps", **args)
+    assert one(measurements, Ack).accepted
+    assert one(measurements, DeviceStatus).flags == ("flaps_table_differs",)
     assert degrees(rig.measure("flaps", 2000)) is None
 
 
@@ -395,9 +398,9 @@ def test_a_table_that_is_edited_while_it_is_read_is_not_taken() -> None:
 
 def test_a_node_without_a_table_says_so() -> None:
     rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
-    found = rig.take([pack_can(129, bytes([24, 16, 103, 0, 0, 0, 0, 0]))])
-    assert one(found, Ack).detail == "flaps: the node has no table"
-    assert not one(found, Ack).accepted
+    measurements = rig.take([pack_can(129, bytes([24, 16, 103, 0, 0, 0, 0, 0]))])
+    assert one(measurements, Ack).detail == "flaps: the node has no table"
+    assert not one(measurements, Ack).accepted
     assert degrees(rig.measure("flaps", 1500)) == pytest.approx(10.0)
 
 
@@ -406,15 +409,15 @@ def test_all_tables_are_read_on_connect_and_every_minute() -> None:
     rig.decoder = pickups.make_decoder(options())
     (request,) = pickups.on_connect(rig.options)
     assert pickups.poll(rig.options) == (60.0, request)
-    found = rig.take(rig.nodes.respond(request))
-    assert {m.surface for m in found if isinstance(m, Calibration)} == set(SURFACES)
-    assert all(m.accepted for m in found if isinstance(m, Ack))
+    measurements = rig.take(rig.nodes.respond(request))
+    assert {m.surface for m in measurements if isinstance(m, Calibration)} == set(SURFACES)
+    assert all(m.accepted for m in measurements if isinstance(m, Ack))
 
 
 def test_the_rate_is_set_and_kept() -> None:
     rig = Rig()
-    found = rig.send("set_rate", surface="rudder", rate_hz="5")
-    assert one(found, Ack).detail == "node tail: message 306 at 5 Hz"
+    measurements = rig.send("set_rate", surface="rudder", rate_hz="5")
+    assert one(measurements, Ack).detail == "node tail: message 306 at 5 Hz"
     sent = {"rudder": 0, "elevator": 0}
     for n, surface in itertools.product(range(20), sent):
         sent[surface] += bool(rig.nodes.encode(deflection(surface, 2000, t_ns=100 * MS * n)))
@@ -424,8 +427,8 @@ def test_the_rate_is_set_and_kept() -> None:
 def test_the_nodes_show_who_they_are_to_any_canaerospace_unit() -> None:
     nodes, listener = pickups.make_encoder(options()), canaerospace.make_decoder(canaerospace.Options())
     answers = nodes.respond(canaerospace.command("identify", {"node": "0"}))
-    found = [m for answer in answers for m in listener.feed(answer, 1)]
-    flags = [m.flags[1] for m in found if isinstance(m, DeviceStatus)]
+    measurements = [m for answer in answers for m in listener.feed(answer, 1)]
+    flags = [m.flags[1] for m in measurements if isinstance(m, DeviceStatus)]
     assert flags == ["node_21", "node_22", "node_23", "node_24", "node_25"]
 
 

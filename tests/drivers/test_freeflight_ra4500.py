@@ -15,8 +15,8 @@ S = Stamp(0)
 
 
 def heights(data: bytes, options: ra.Options | None = None) -> list[RadioHeight]:
-    found = ra.make_decoder(options or ra.Options()).feed(data, 1)
-    return [m for m in found if isinstance(m, RadioHeight)]
+    measurements = ra.make_decoder(options or ra.Options()).feed(data, 1)
+    return [m for m in measurements if isinstance(m, RadioHeight)]
 
 
 def frame(altitude: int, status: int = 0x10) -> bytes:
@@ -59,8 +59,8 @@ def test_the_instruments_own_accuracy_is_added_as_variance() -> None:
 
 @pytest.mark.parametrize("altitude", [0x0010, 0x1003, 0x10DF, 0x1010, 0xDF03])
 def test_sync_and_trailer_bytes_inside_the_data_do_no_harm(altitude: int) -> None:
-    found = heights(frame(altitude) * 3)
-    assert [m.height_agl for m in found] == [pytest.approx(altitude * FOOT)] * 3
+    results = heights(frame(altitude) * 3)
+    assert [m.height_agl for m in results] == [pytest.approx(altitude * FOOT)] * 3
 
 
 @pytest.mark.parametrize(("status", "flag"), [(0x02, "self_test"), (0x04, "failure"), (0x08, "unlocked")])
@@ -93,8 +93,8 @@ def test_stuffing_takes_every_height_there_and_back(feet: list[int], rule: str) 
     options = ra.Options(dle_stuffing=True, checksum=rule)  # type: ignore[arg-type]
     encoder = ra.make_encoder(options)
     data = b"".join(b for h in feet for b in encoder.encode(RadioHeight(stamp=S, height_agl=h * FOOT)))
-    found = heights(data, options)
-    assert [round((m.height_agl or 0.0) / FOOT) for m in found] == [quantise_ft(h * FOOT / FOOT) for h in feet]
+    results = heights(data, options)
+    assert [round((m.height_agl or 0.0) / FOOT) for m in results] == [quantise_ft(h * FOOT / FOOT) for h in feet]
 
 
 def test_a_lone_escape_in_a_stuffed_frame_is_not_a_frame() -> None:
@@ -118,8 +118,8 @@ def test_a_frame_without_its_trailer_is_not_accepted(at: int) -> None:
     bad = bytearray(frame(500))
     bad[at] ^= 0x01
     decoder = ra.make_decoder(ra.Options())
-    found = decoder.feed(bytes(bad) + frame(400), 1)
-    assert [m.height_agl for m in found if isinstance(m, RadioHeight)] == [pytest.approx(400 * FOOT)]
+    measurements = decoder.feed(bytes(bad) + frame(400), 1)
+    assert [m.height_agl for m in measurements if isinstance(m, RadioHeight)] == [pytest.approx(400 * FOOT)]
     assert decoder.counters.skipped["bad_trailer"] == 1
 
 

@@ -29,8 +29,8 @@ def decode(data: bytes, **options: Any) -> tuple[list[Measurement], Counters]:
     return decoder.feed(data, 1), decoder.counters
 
 
-def counts_of(found: list[Measurement]) -> list[Counts]:
-    fields = [m.field_b for m in found if isinstance(m, MagneticField)]
+def counts_of(measurements: list[Measurement]) -> list[Counts]:
+    fields = [m.field_b for m in measurements if isinstance(m, MagneticField)]
     return [(round(x / COUNT_T), round(y / COUNT_T), round(z / COUNT_T)) for x, y, z in fields]
 
 
@@ -139,10 +139,10 @@ def test_a_high_byte_of_0d_does_not_pass_for_the_end(samples: list[Counts], at: 
         "lose": stream[:cut] + stream[cut + 1 :],
         "insert": stream[:cut] + bytes([byte]) + stream[cut:],
     }[how]
-    found = counts_of(decode(data)[0])
-    wrong = [c for c in found if c not in samples]
+    counts = counts_of(decode(data)[0])
+    wrong = [c for c in counts if c not in samples]
     assert len(wrong) <= {"begin": 0, "lose": 1, "insert": 2}[how]
-    assert len(found) >= 20 - 1 - (ENDS + 2 if how == "begin" else ENDS + 3)
+    assert len(counts) >= 20 - 1 - (ENDS + 2 if how == "begin" else ENDS + 3)
 
 
 @given(still_fields())
@@ -157,8 +157,8 @@ def test_an_undamaged_stream_loses_nothing(samples: list[Counts]) -> None:
 def test_an_inserted_byte_that_makes_a_sample_end_in_its_own_low_byte_is_seen_by_the_jump() -> None:
     good = [(x, y, 0x1A0D) for x, y, _ in steady(9)]
     stream = pack(*good)
-    found = counts_of(decode(stream[:21] + b"\x55" + stream[21:])[0])
-    assert set(found) <= set(good)
+    counts = counts_of(decode(stream[:21] + b"\x55" + stream[21:])[0])
+    assert set(counts) <= set(good)
     assert abs((0x55 << 8) - good[0][0]) > MAX_JUMP_COUNTS
 
 
@@ -182,8 +182,8 @@ def test_noise_locks_as_seldom_as_stated(scale: int) -> None:
     size = 10**5 if scale == 1 else 10**7
     decoder = hmr.make_decoder(hmr.Options())
     source = random.Random(1)
-    found = [m for _ in range(size // 1000) for m in decoder.feed(source.randbytes(1000), 1)]
-    assert not counts_of(found)
+    measurements = [m for _ in range(size // 1000) for m in decoder.feed(source.randbytes(1000), 1)]
+    assert not counts_of(measurements)
 
 
 def test_answers_and_a_change_of_form_stand_between_samples() -> None:
@@ -269,8 +269,8 @@ def arguments(name: str) -> dict[str, str]:
 def test_the_emulated_device_answers_each_command_under_its_name(name: str) -> None:
     device, decoder = hmr.make_encoder(hmr.Options()), hmr.make_decoder(hmr.Options())
     answers = device.respond(hmr.command(name, arguments(name)))
-    found = [m for data in answers for m in decoder.feed(data, 1)]
-    (ack,) = [m for m in found if isinstance(m, Ack)]
+    measurements = [m for data in answers for m in decoder.feed(data, 1)]
+    (ack,) = [m for m in measurements if isinstance(m, Ack)]
     assert ack.accepted
     assert ack.command in ("", name)
 
@@ -371,6 +371,6 @@ def test_the_emulated_device_is_set_up_by_what_is_sent_at_connect() -> None:
     options = hmr.Options(mode="continuous", format="binary")
     device, decoder = hmr.make_encoder(hmr.Options(format="ascii")), hmr.make_decoder(options)
     answers = [data for reported in hmr.on_connect(options) for data in device.respond(reported)]
-    found = [m for data in [*answers, *device.encode(FIELD)] for m in decoder.feed(data, 1)]
-    assert counts_of(found) == [(3000, -150, 6600)]
+    measurements = [m for data in [*answers, *device.encode(FIELD)] for m in decoder.feed(data, 1)]
+    assert counts_of(measurements) == [(3000, -150, 6600)]
     assert not decoder.counters.skipped

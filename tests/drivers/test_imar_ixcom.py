@@ -56,9 +56,9 @@ def frame(selection: int, vel: Sequence[float] = NED, status: int = GOOD, **fiel
 
 
 def decode(data: bytes, **options: Any) -> dict[type, Any]:
-    found = ix.make_decoder(ix.Options(**options)).feed(data, 1)
-    assert len({type(m) for m in found}) == len(found)
-    return {type(m): m for m in found}
+    measurements = ix.make_decoder(ix.Options(**options)).feed(data, 1)
+    assert len({type(m) for m in measurements}) == len(measurements)
+    return {type(m): m for m in measurements}
 
 
 def assert_ned(velocity: Velocity, tolerance: float = 1e-5) -> None:
@@ -118,9 +118,9 @@ def test_numbers_that_are_none_do_not_pass(number: float) -> None:
     every = Mask.IMUCORR | Mask.ALTITUDE_WGS84 | Mask.WGS84POS
     lost: dict[str, Any] = {"acc": [number] * 3, "rpy": [number] * 3, "lat": number, "alt": number}
     for mask in (Mask.VELNED, Mask.VELENU, Mask.VELECEF, Mask.VELBDY):
-        found = decode(frame(every | mask, **lost))
-        assert {ImuSample, Attitude, Position}.isdisjoint(found)
-        assert (Velocity in found) == (mask in (Mask.VELNED, Mask.VELENU))
+        content = decode(frame(every | mask, **lost))
+        assert {ImuSample, Attitude, Position}.isdisjoint(content)
+        assert (Velocity in content) == (mask in (Mask.VELNED, Mask.VELENU))
 
 
 @pytest.mark.parametrize(
@@ -139,11 +139,11 @@ def test_numbers_that_are_none_do_not_pass(number: float) -> None:
     ],
 )
 def test_status_decides_what_is_valid(status: int, ok: bool, attitude: bool, position: bool) -> None:
-    found = decode(frame(DEFAULT_SELECTION, status=int(status)))
-    assert found[DeviceStatus].ok is ok
-    assert found[Attitude].valid is attitude
-    assert found[Velocity].valid is attitude
-    assert found[Position].valid is position
+    content = decode(frame(DEFAULT_SELECTION, status=int(status)))
+    assert content[DeviceStatus].ok is ok
+    assert content[Attitude].valid is attitude
+    assert content[Velocity].valid is attitude
+    assert content[Position].valid is position
 
 
 def test_status_names_are_those_of_the_maker() -> None:
@@ -171,22 +171,22 @@ def sent(measurements: Sequence[Measurement]) -> list[Measurement]:
 
 def test_the_emulated_system_joins_only_what_is_of_the_same_time() -> None:
     now, before = Stamp(2_000_000_000), Stamp(1_000_000_000)
-    found = sent([
+    measurements = sent([
         Attitude(stamp=before, roll=0.1, pitch=0.1, heading=0.1),
         Velocity(stamp=now, north=1.0, east=2.0, down=3.0),
         Position(stamp=now, lat=LAT, lon=LON, alt=100.0),
     ])  # fmt: skip
-    assert [type(m) for m in found] == [DeviceStatus, Velocity, Position]
+    assert [type(m) for m in measurements] == [DeviceStatus, Velocity, Position]
 
 
 def test_the_emulated_system_sends_the_time_and_validity() -> None:
     stamp = Stamp(5, 2300 * 604_800 * 10**9 + 123_456_789_000, TimeScale.GPS)
-    found = sent([
+    measurements = sent([
         DeviceStatus(stamp=stamp, ok=False, flags=("gnss_invalid",)),
         Attitude(stamp=stamp, roll=0.0, pitch=0.0, heading=0.0, valid=False),
         Position(stamp=stamp, lat=LAT, lon=LON, alt=100.0, valid=False),
     ])  # fmt: skip
-    assert [m.stamp.t_dev_ns for m in found] == [stamp.t_dev_ns] * 3
-    assert [getattr(m, "valid", None) for m in found] == [None, False, False]
-    assert isinstance(found[0], DeviceStatus)
-    assert found[0].flags == ("gnss_invalid", "aligning", "position_undefined")
+    assert [m.stamp.t_dev_ns for m in measurements] == [stamp.t_dev_ns] * 3
+    assert [getattr(m, "valid", None) for m in measurements] == [None, False, False]
+    assert isinstance(measurements[0], DeviceStatus)
+    assert measurements[0].flags == ("gnss_invalid", "aligning", "position_undefined")

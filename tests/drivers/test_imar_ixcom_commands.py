@@ -146,13 +146,13 @@ def answer(counter: int, number: int, text: bytes) -> bytes:
 
 def acks(*data: bytes) -> list[tuple[str, bool, str]]:
     decoder = ix.make_decoder(ix.Options())
-    found = [m for one in data for m in decoder.feed(one, 1)]
-    return [(m.command, m.accepted, m.detail) for m in found if isinstance(m, Ack)]
+    measurements = [m for one in data for m in decoder.feed(one, 1)]
+    return [(m.command, m.accepted, m.detail) for m in measurements if isinstance(m, Ack)]
 
 
 def test_an_answer_says_which_command_it_answers_and_what_became_of_it() -> None:
-    found = acks(answer(COUNTERS["align"], 0, b"OK\0"), answer(COUNTERS["save_heading"], 9, b""), answer(3, 99, b"?"))
-    assert found == [("align", True, "ok"), ("save_heading", False, "out of range"), ("", False, "response 99: ?")]
+    rows = acks(answer(COUNTERS["align"], 0, b"OK\0"), answer(COUNTERS["save_heading"], 9, b""), answer(3, 99, b"?"))
+    assert rows == [("align", True, "ok"), ("save_heading", False, "out of range"), ("", False, "response 99: ?")]
 
 
 def test_answers_have_the_numbers_of_the_maker() -> None:
@@ -263,15 +263,15 @@ def test_the_package_of_the_maker_reads_what_is_sent() -> None:
     sent = [data for k in range(3) for m in epoch(k) for data in encoder.encode(m)]
     height = Reading(stamp=Stamp(1), name="external_height", value=12.5, unit="m")
     sent += encoder.encode(height)
-    found: list[bytes] = []
+    results: list[bytes] = []
     searcher = MessageSearcher(ignore_c_ext=True)
-    searcher.add_callback(lambda data: found.append(bytes(data)))
+    searcher.add_callback(lambda data: results.append(bytes(data)))
     searcher.process_bytes(b"".join(sent))
-    assert found == sent
+    assert results == sent
     message = ixcom.data.getMessageWithID(NUMBERS["INSSOL"])
-    message.from_bytes(next(data for data in found if data[1] == NUMBERS["INSSOL"]))
+    message.from_bytes(next(data for data in results if data[1] == NUMBERS["INSSOL"]))
     assert (message.data["lat"], message.data["lon"], message.data["alt"]) == (LAT, LON, 100.0)
     assert message.data["vel"] == [1.0, 2.0, 3.0]
     message = ixcom.data.getMessageWithID(NUMBERS["EXTHEIGHT"])
-    message.from_bytes(found[-1])
+    message.from_bytes(results[-1])
     assert (message.data["height"], message.data["solution_valid"]) == (12.5, 1)

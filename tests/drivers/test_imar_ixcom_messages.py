@@ -115,18 +115,18 @@ def test_what_feels_gravity_is_specific_force(name: str) -> None:
 def test_what_does_not_feel_gravity_is_never_specific_force() -> None:
     free = {"acc": [0.5, 0.0, 0.25], "omg": [0.25, 0.0, 0.0]}
     for data in (frame("IMUCOMP", **free), frame("INSSOL", **INSSOL | free | {"DatSel": 0x048C})):
-        found = decode(data)
-        assert not any(isinstance(m, ImuSample) for m in found)
-        assert readings(found)["accel_gravity_free_z"] == 0.25
-        assert readings(found)["gyro_earth_rate_free_x"] == 0.25
+        measurements = decode(data)
+        assert not any(isinstance(m, ImuSample) for m in measurements)
+        assert readings(measurements)["accel_gravity_free_z"] == 0.25
+        assert readings(measurements)["gyro_earth_rate_free_x"] == 0.25
 
 
 # ----------------------------------------------------------------------------------------------- GNSS solution
 
 
 def test_gnss_deviations_are_the_largest_of_their_axes() -> None:
-    found = decode(frame("GNSSSOL", **GNSS, stdDevPos=[1.5, 2.0, 3.0], stdDevVel=[0.125, 0.25, 0.0625]))
-    position, velocity = only(Position, found), only(Velocity, found)
+    measurements = decode(frame("GNSSSOL", **GNSS, stdDevPos=[1.5, 2.0, 3.0], stdDevVel=[0.125, 0.25, 0.0625]))
+    position, velocity = only(Position, measurements), only(Velocity, measurements)
     assert (position.horizontal_sd, position.vertical_sd, velocity.sd) == (2.0, 3.0, 0.25)
 
 
@@ -139,10 +139,10 @@ def test_gnss_height_is_above_mean_sea_level() -> None:
 
 @pytest.mark.parametrize(("solved", "kind", "valid"), [(0, 16, True), (1, 16, False), (0, 0, False), (77, 16, False)])
 def test_only_a_computed_gnss_solution_is_valid(solved: int, kind: int, valid: bool) -> None:
-    found = decode(frame("GNSSSOL", **GNSS | {"solStatus": solved, "posType": kind}))
-    assert only(Position, found).valid is valid
-    assert only(Velocity, found).valid is valid
-    flags = only(DeviceStatus, found).flags
+    measurements = decode(frame("GNSSSOL", **GNSS | {"solStatus": solved, "posType": kind}))
+    assert only(Position, measurements).valid is valid
+    assert only(Velocity, measurements).valid is valid
+    flags = only(DeviceStatus, measurements).flags
     assert f"gnss_solution_{SOLUTIONS.get(solved, solved)}" in flags
     assert f"gnss_type_{TYPES.get(kind, kind)}" in flags
 
@@ -151,22 +151,22 @@ def test_a_gnss_solution_that_the_system_calls_invalid_is_not_valid() -> None:
     invalid = 1 << 6
     status = {"footer": GOOD | invalid}, {"gnssStatus": 1 << 17}
     for text in status:
-        found = decode(frame("GNSSSOL", **GNSS | text))
-        assert (only(Position, found).valid, only(Velocity, found).valid) == (False, False)
+        measurements = decode(frame("GNSSSOL", **GNSS | text))
+        assert (only(Position, measurements).valid, only(Velocity, measurements).valid) == (False, False)
     timeout = frame("SYSSTAT", varsize=0, statMode=0, sysStat=1 << 17)
     assert not only(Position, decode(timeout, frame("GNSSSOL", **GNSS))).valid
 
 
 def test_a_velocity_from_the_doppler_shift_is_no_position() -> None:
-    found = decode(frame("GNSSSOL", **GNSS | {"posType": 8}))
-    assert (only(Position, found).valid, only(Velocity, found).valid) == (False, True)
+    measurements = decode(frame("GNSSSOL", **GNSS | {"posType": 8}))
+    assert (only(Position, measurements).valid, only(Velocity, measurements).valid) == (False, True)
 
 
 def test_a_gnss_solution_without_numbers_is_none() -> None:
     lost = {"lat": math.nan, "velNED": [math.nan] * 3, "pdop": math.inf}
-    found = decode(frame("GNSSSOL", **GNSS | lost))
-    assert not any(isinstance(m, Position | Velocity) for m in found)
-    assert only(Satellites, found).pdop is None
+    measurements = decode(frame("GNSSSOL", **GNSS | lost))
+    assert not any(isinstance(m, Position | Velocity) for m in measurements)
+    assert only(Satellites, measurements).pdop is None
 
 
 # ------------------------------------------------------------------------------------ air data, magnetometer
@@ -174,12 +174,12 @@ def test_a_gnss_solution_without_numbers_is_none() -> None:
 
 def test_air_data_in_si() -> None:
     """By hand: 1013.25 hPa = 101325 Pa, 22.5 hPa = 2250 Pa, -5 degrees Celsius = 268.15 K."""
-    found = decode(frame("AIRDATA", TAS=62.5, IAS=60.0, baroAlt=1000.0, Pd=22.5, Ps=1013.25, OAT=-5.0))
-    assert only(StaticPressure, found).p_static == pytest.approx(101325.0, abs=0.01)
-    assert only(ImpactPressure, found).q_c == 2250.0
-    assert only(Temperature, found).static == 268.15
-    assert only(PressureAltitude, found).alt_press == 1000.0
-    assert (only(Airspeed, found).tas, only(Airspeed, found).ias) == (62.5, 60.0)
+    measurements = decode(frame("AIRDATA", TAS=62.5, IAS=60.0, baroAlt=1000.0, Pd=22.5, Ps=1013.25, OAT=-5.0))
+    assert only(StaticPressure, measurements).p_static == pytest.approx(101325.0, abs=0.01)
+    assert only(ImpactPressure, measurements).q_c == 2250.0
+    assert only(Temperature, measurements).static == 268.15
+    assert only(PressureAltitude, measurements).alt_press == 1000.0
+    assert (only(Airspeed, measurements).tas, only(Airspeed, measurements).ias) == (62.5, 60.0)
 
 
 def test_air_data_that_timed_out_or_are_no_numbers_are_not_valid() -> None:
@@ -194,9 +194,9 @@ def test_air_data_that_timed_out_or_are_no_numbers_are_not_valid() -> None:
 
 @pytest.mark.parametrize(("unit", "north"), [("nT", 18_000.0), ("uT", 18.0), ("mG", 180.0), ("G", 0.18)])
 def test_a_field_of_18_microtesla_in_every_unit(unit: str, north: float) -> None:
-    found = decode(frame("MAGDATA", field=[north, 0.0, 0.0], magHdg=0.5), magnetometer_unit=unit)
-    assert only(MagneticField, found).field_b[0] == pytest.approx(18e-6, rel=1e-6)
-    assert readings(found)["magnetic_heading"] == 0.5
+    measurements = decode(frame("MAGDATA", field=[north, 0.0, 0.0], magHdg=0.5), magnetometer_unit=unit)
+    assert only(MagneticField, measurements).field_b[0] == pytest.approx(18e-6, rel=1e-6)
+    assert readings(measurements)["magnetic_heading"] == 0.5
 
 
 def test_a_magnetometer_that_timed_out_is_not_valid() -> None:

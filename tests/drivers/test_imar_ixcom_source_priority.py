@@ -32,8 +32,8 @@ def test_a_better_source_silences_the_others_for_five_seconds() -> None:
 def positions_over_time(*reported: tuple[float, bytes]) -> list[tuple[float | None, bool]]:
     """Latitude and validity of the positions of frames that come at these times [s]."""
     decoder = ix.make_decoder(ix.Options())
-    found = [m for at_s, data in reported for m in decoder.feed(data, round(at_s * 1e9))]
-    return [(m.lat, m.valid) for m in found if isinstance(m, Position)]
+    measurements = [m for at_s, data in reported for m in decoder.feed(data, round(at_s * 1e9))]
+    return [(m.lat, m.valid) for m in measurements if isinstance(m, Position)]
 
 
 POSITION_UNDEFINED = GOOD | 0xC000
@@ -60,29 +60,31 @@ def test_while_no_source_is_valid_the_last_one_says_so_alone() -> None:
 
 def test_what_gives_way_is_kept_under_its_own_name() -> None:
     ins, gnss = frame("INSSOL", **INSSOL), frame("GNSSSOL", **GNSS | {"lat": 0.75, "stdDevPos": [1.0, 2.0, 3.0]})
-    found = decode(ins, gnss, frame("IMURAW", acc=[0.0, 0.5, -9.75]))
-    text = {m.name: (m.value, m.unit, m.valid) for m in found if isinstance(m, Reading)}
+    measurements = decode(ins, gnss, frame("IMURAW", acc=[0.0, 0.5, -9.75]))
+    text = {m.name: (m.value, m.unit, m.valid) for m in measurements if isinstance(m, Reading)}
     assert text["gnsssol_lat"] == (0.75, "rad", True)
     assert text["gnsssol_alt_msl"] == (452.75, "m", True)
     assert text["gnsssol_horizontal_sd"] == (2.0, "m", True)
     assert text["gnsssol_down"] == (3.0, "m/s", True)
     assert text["imuraw_accel_b_y"] == (0.5, "m/s^2", True)
-    assert len([m for m in found if isinstance(m, Position | Velocity | ImuSample)]) == 3
+    assert len([m for m in measurements if isinstance(m, Position | Velocity | ImuSample)]) == 3
     invalid = decode(ins, frame("GNSSSOL", **GNSS | {"solStatus": 1}))
     assert {m.valid for m in invalid if isinstance(m, Reading) and m.name.startswith("gnsssol_")} == {False}
 
 
 def test_parts_of_the_solution_come_beside_it() -> None:
-    found = decode(frame("INSSOL", **INSSOL), frame("INSRPY", rpy=[0.25, 0.0, 0.0]), frame("INSVELNED", vel=[1.0] * 3))
-    assert [m.roll for m in found if isinstance(m, Attitude)][1:] == [0.25]
-    assert [m.north for m in found if isinstance(m, Velocity)][1:] == [1.0]
+    measurements = decode(
+        frame("INSSOL", **INSSOL), frame("INSRPY", rpy=[0.25, 0.0, 0.0]), frame("INSVELNED", vel=[1.0] * 3)
+    )
+    assert [m.roll for m in measurements if isinstance(m, Attitude)][1:] == [0.25]
+    assert [m.north for m in measurements if isinstance(m, Velocity)][1:] == [1.0]
 
 
 def test_inertial_data_corrected_at_the_full_rate_go_first() -> None:
     data = {name: {"acc": [float(i), 0.0, -9.75]} for i, name in enumerate(("IMURAW", "INSSOL", "IMUCORR"))}
     raw, ins, corrected = (frame(name, **(INSSOL if name == "INSSOL" else {}) | acc) for name, acc in data.items())
-    found = decode(raw, ins, raw, corrected, ins, raw, corrected)
-    assert [m.accel_b[0] for m in found if isinstance(m, ImuSample) and m.accel_b] == [0.0, 1.0, 2.0, 2.0]
+    measurements = decode(raw, ins, raw, corrected, ins, raw, corrected)
+    assert [m.accel_b[0] for m in measurements if isinstance(m, ImuSample) and m.accel_b] == [0.0, 1.0, 2.0, 2.0]
 
 
 def test_a_second_device_on_the_line_takes_what_the_first_leaves() -> None:
@@ -96,9 +98,9 @@ def test_parts_of_the_solution_stand_in_for_it() -> None:
         frame("INSRPY", rpy=[0.25, 0.0, -1.0]), frame("INSVELENU", vel=[-10.0, 60.0, -3.0]),
         frame("INSPOSLLH", lon=0.2, lat=0.84, alt=500.0),
     ]  # fmt: skip
-    found = decode(*parts)
-    assert only(Attitude, found).heading == pytest.approx(2 * math.pi - 1.0)
-    velocity, position = only(Velocity, found), only(Position, found)
+    measurements = decode(*parts)
+    assert only(Attitude, measurements).heading == pytest.approx(2 * math.pi - 1.0)
+    velocity, position = only(Velocity, measurements), only(Position, measurements)
     assert (velocity.north, velocity.east, velocity.down) == (60.0, -10.0, 3.0)
     assert (position.lat, position.lon, position.alt) == (0.84, 0.2, 500.0)
     speed = only(Velocity, decode(frame("INSGNDSPEED", SOG=60.0, COG=-0.5, VDown=3.0)))

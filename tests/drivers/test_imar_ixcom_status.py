@@ -26,8 +26,8 @@ def test_deviations_reach_what_comes_within_five_seconds() -> None:
     decoder = ix.make_decoder(ix.Options())
     for at_s, known in ((0, True), (5, True), (6, False)):
         decoder.feed(sds, 0)
-        found = decoder.feed(frame("INSSOL", **INSSOL), at_s * 10**9)
-        position, velocity, attitude = (only(kind, found) for kind in (Position, Velocity, Attitude))
+        measurements = decoder.feed(frame("INSSOL", **INSSOL), at_s * 10**9)
+        position, velocity, attitude = (only(kind, measurements) for kind in (Position, Velocity, Attitude))
         assert (position.horizontal_sd, position.vertical_sd) == ((2.0, 0.75) if known else (None, None))
         assert velocity.sd == (0.25 if known else None)
         assert attitude.heading_sd == (0.125 if known else None)
@@ -49,11 +49,11 @@ def test_tilts_become_roll_and_pitch_as_a_rotation_does() -> None:
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
 def test_what_is_no_deviation_is_none(bad: float) -> None:
     sds = frame("EKFSTDDEV", pos=[bad, 2.0, bad], vel=[0.125, bad, 0.0625], tilt=[0.5, bad, bad])
-    found = decode(sds, frame("INSSOL", **INSSOL))
-    assert only(Position, found).horizontal_sd is None
-    assert only(Position, found).vertical_sd is None
-    assert only(Velocity, found).sd is None
-    attitude = only(Attitude, found)
+    measurements = decode(sds, frame("INSSOL", **INSSOL))
+    assert only(Position, measurements).horizontal_sd is None
+    assert only(Position, measurements).vertical_sd is None
+    assert only(Velocity, measurements).sd is None
+    attitude = only(Attitude, measurements)
     assert (attitude.roll_sd, attitude.pitch_sd, attitude.heading_sd) == (None, None, None)
 
 
@@ -63,8 +63,8 @@ def test_what_is_no_deviation_is_none(bad: float) -> None:
 def system_flags(**words: Any) -> set[str]:
     names = {"gnssStat": 2, "ekfStat": 16, "sysStat2": 512}
     mode = sum(bit for name, bit in names.items() if name in words)
-    found = decode(frame("SYSSTAT", varsize=mode, **{"statMode": mode, "sysStat": 0} | words))
-    return set(only(DeviceStatus, found).flags) - set(status.HEALTHY)
+    measurements = decode(frame("SYSSTAT", varsize=mode, **{"statMode": mode, "sysStat": 0} | words))
+    return set(only(DeviceStatus, measurements).flags) - set(status.HEALTHY)
 
 
 def test_every_bit_of_the_system_status_has_the_name_of_the_maker() -> None:
@@ -115,11 +115,11 @@ def test_system_errors_stay_in_the_status_for_five_seconds() -> None:
 
 def test_status_is_reported_when_it_changes_by_any_message() -> None:
     raw = {footer: frame("IMURAW", footer=footer) for footer in (GOOD, GOOD | 0x20)}
-    found = decode(raw[GOOD], raw[GOOD], raw[GOOD | 0x20], raw[GOOD | 0x20], raw[GOOD])
-    assert [m.ok for m in found if isinstance(m, DeviceStatus)] == [True, False, True]
+    measurements = decode(raw[GOOD], raw[GOOD], raw[GOOD | 0x20], raw[GOOD | 0x20], raw[GOOD])
+    assert [m.ok for m in measurements if isinstance(m, DeviceStatus)] == [True, False, True]
 
 
 def test_a_clock_that_gnss_has_not_set_is_no_device_time() -> None:
     for name in ("INSSOL", "IMURAW"):
-        found = decode(frame(name, footer=GOOD | 0x200))
-        assert {m.stamp for m in found} == {Stamp(0)}
+        measurements = decode(frame(name, footer=GOOD | 0x200))
+        assert {m.stamp for m in measurements} == {Stamp(0)}

@@ -16,9 +16,9 @@ LDF = lw.Options(query="ldf")
 
 
 def ranges(data: bytes, options: lw.Options | None = None) -> list[float | None]:
-    found = lw.make_decoder(options or lw.Options()).feed(data, 1)
-    assert all(m.valid == (m.slant_range is not None) for m in found if isinstance(m, Range))
-    return [m.slant_range for m in found if isinstance(m, Range)]
+    measurements = lw.make_decoder(options or lw.Options()).feed(data, 1)
+    assert all(m.valid == (m.slant_range is not None) for m in measurements if isinstance(m, Range))
+    return [m.slant_range for m in measurements if isinstance(m, Range)]
 
 
 def test_the_example_of_the_manual_in_metres() -> None:
@@ -63,8 +63,8 @@ def test_where_each_datagram_is_a_line_the_first_is_taken() -> None:
 def test_a_line_may_come_in_pieces_and_end_twice() -> None:
     decoder = lw.make_decoder(lw.Options())
     pieces = [b"\r\n1", b"30", b".", b"00", b"\r", b"\r", b"\n3", b"1.50\r"]
-    found = [m for i, piece in enumerate(pieces) for m in decoder.feed(piece, i)]
-    assert [(m.stamp.t_rx_ns, m.slant_range) for m in found if isinstance(m, Range)] == [(0, None), (6, 31.5)]
+    measurements = [m for i, piece in enumerate(pieces) for m in decoder.feed(piece, i)]
+    assert [(m.stamp.t_rx_ns, m.slant_range) for m in measurements if isinstance(m, Range)] == [(0, None), (6, 31.5)]
 
 
 @pytest.mark.parametrize(
@@ -169,8 +169,8 @@ def test_an_answer_to_something_else_is_counted_by_its_name() -> None:
 def fed(options: lw.Options, *reads: tuple[float, bytes]) -> list[float | None]:
     """The ranges of reads at times [s]."""
     decoder = lw.make_decoder(options)
-    found = [m for t_s, data in reads for m in decoder.feed(data, round(t_s * 1e9))]
-    return [m.slant_range for m in found if isinstance(m, Range)]
+    measurements = [m for t_s, data in reads for m in decoder.feed(data, round(t_s * 1e9))]
+    return [m.slant_range for m in measurements if isinstance(m, Range)]
 
 
 NINE_HZ = tuple((k / 9, b"130.00\r\n") for k in range(1, 21))

@@ -23,36 +23,39 @@ def test_requests_are_the_makers() -> None:
 
 
 def test_centimetres_and_percent() -> None:
-    found = decoded(lw.make_packet(44, struct.pack("<hh", 1234, 80)))
-    assert found == [Reading(stamp=S, name="first_strength", value=80.0, unit="%"), Range(stamp=S, slant_range=12.34)]
+    measurements = decoded(lw.make_packet(44, struct.pack("<hh", 1234, 80)))
+    assert measurements == [
+        Reading(stamp=S, name="first_strength", value=80.0, unit="%"),
+        Range(stamp=S, slant_range=12.34),
+    ]
 
 
 def test_millimetres() -> None:
-    found = decoded(lw.make_packet(45, struct.pack("<i", 12_345)), unit="mm", outputs=("first_raw",))
-    assert found == [Range(stamp=S, slant_range=12.345)]
+    measurements = decoded(lw.make_packet(45, struct.pack("<i", 12_345)), unit="mm", outputs=("first_raw",))
+    assert measurements == [Range(stamp=S, slant_range=12.345)]
 
 
 @pytest.mark.parametrize("cm", [13000, 16000, 23000, 25000, -1, -100, -32768])
 def test_what_means_a_lost_signal_is_lost(cm: int) -> None:
-    found = decoded(lw.make_packet(44, struct.pack("<h", cm)), outputs=("first_raw",))
-    assert found == [Range(stamp=S, slant_range=None, valid=False)]
+    measurements = decoded(lw.make_packet(44, struct.pack("<h", cm)), outputs=("first_raw",))
+    assert measurements == [Range(stamp=S, slant_range=None, valid=False)]
 
 
 def test_what_the_newer_guide_says_for_lost_is_lost_in_millimetres() -> None:
     """SF20 product guide, command 95: "The distance output lost signal indication -1000"."""
-    found = decoded(lw.make_packet(45, struct.pack("<i", -1000)), unit="mm", outputs=("first_raw",))
-    assert found == [Range(stamp=S, slant_range=None, valid=False)]
+    measurements = decoded(lw.make_packet(45, struct.pack("<i", -1000)), unit="mm", outputs=("first_raw",))
+    assert measurements == [Range(stamp=S, slant_range=None, valid=False)]
 
 
 def test_outputs_stand_in_the_order_of_their_bits_and_one_is_the_distance() -> None:
     """SF45: first return raw (bit 0), last return raw (3), temperature (7), yaw (8), however they are listed."""
     outputs = ("yaw_angle", "last_raw", "temperature", "first_raw")
     options = {"family": "sf45", "outputs": outputs, "distance": "last_raw"}
-    found = decoded(lw.make_packet(44, struct.pack("<hhhh", 100, 250, 3512, -4500)), **options)
-    assert found[0] == Reading(stamp=S, name="temperature", value=35.12, unit="degC")
-    assert isinstance(found[1], Reading)
-    assert found[1].value == pytest.approx(-0.785398, abs=1e-6)
-    assert found[2] == Range(stamp=S, slant_range=2.5)
+    measurements = decoded(lw.make_packet(44, struct.pack("<hhhh", 100, 250, 3512, -4500)), **options)
+    assert measurements[0] == Reading(stamp=S, name="temperature", value=35.12, unit="degC")
+    assert isinstance(measurements[1], Reading)
+    assert measurements[1].value == pytest.approx(-0.785398, abs=1e-6)
+    assert measurements[2] == Range(stamp=S, slant_range=2.5)
 
 
 def test_other_outputs_than_the_configured_ones_are_not_guessed() -> None:
@@ -127,6 +130,6 @@ def test_outputs_that_do_not_fit_are_refused(options: dict[str, object], sentenc
 def test_lengths_that_cannot_be_cost_one_byte() -> None:
     decoder = lw.make_decoder(lw.Options())
     good = lw.make_packet(44, struct.pack("<hh", 500, 1))
-    found = decoder.feed(b"\xaa\x00\x00" + b"\xaa\x7e\x00" + good, 1)
-    assert [m for m in found if isinstance(m, Range)] == [Range(stamp=S, slant_range=5.0)]
+    measurements = decoder.feed(b"\xaa\x00\x00" + b"\xaa\x7e\x00" + good, 1)
+    assert [m for m in measurements if isinstance(m, Range)] == [Range(stamp=S, slant_range=5.0)]
     assert decoder.counters.skipped["bad_length"] == 2

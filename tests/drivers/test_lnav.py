@@ -58,8 +58,8 @@ def as_ublox(signal_id: int = 0) -> bytes:
     return b"".join(sfrbx(body[0], body[12 + 30 * k : 42 + 30 * k], signal_id) for k in range(3) for body in bodies)
 
 
-def ephemerides(found: list[Measurement]) -> dict[int, Ephemeris]:
-    return {m.number: m for m in found if isinstance(m, Ephemeris)}
+def ephemerides(measurements: list[Measurement]) -> dict[int, Ephemeris]:
+    return {m.number: m for m in measurements if isinstance(m, Ephemeris)}
 
 
 def of_novatel() -> dict[int, Ephemeris]:
@@ -144,8 +144,8 @@ def test_health_and_alert_flags_are_heeded(subframe: int, byte: int, bit: int) -
     body = rawephems()[0]
     parts = [bytearray(body[12 + 30 * k : 42 + 30 * k]) for k in range(3)]
     parts[subframe][byte] |= 1 << bit
-    found = of_ublox(b"".join(sfrbx(body[0], bytes(part)) for part in parts))
-    assert [m.healthy for m in found.values()] == [False]
+    ephemeris = of_ublox(b"".join(sfrbx(body[0], bytes(part)) for part in parts))
+    assert [m.healthy for m in ephemeris.values()] == [False]
 
 
 def test_a_satellite_that_predicts_no_accuracy_has_none() -> None:

@@ -351,9 +351,9 @@ def test_a_receiver_with_accuracies_but_without_an_undulation_has_no_ellipsoid()
 def test_an_autopilot_that_has_not_found_its_place_is_not_valid() -> None:
     """GLOBAL_POSITION_INT has no flag; before the first fix latitude and longitude are 0."""
     message = common.MAVLink_global_position_int_message(1000, 0, 0, 17_000, 0, 0, 0, 0, 65535)
-    found = decode(pack(message))[0]
-    assert [type(m) for m in found] == [Velocity, Position]
-    assert not any(m.valid for m in found if isinstance(m, Velocity | Position))
+    measurements = decode(pack(message))[0]
+    assert [type(m) for m in measurements] == [Velocity, Position]
+    assert not any(m.valid for m in measurements if isinstance(m, Velocity | Position))
 
 
 def test_a_receiver_without_a_fix_is_not_valid_and_without_extension_has_no_ellipsoid() -> None:
@@ -385,8 +385,8 @@ def test_a_time_of_zero_is_none() -> None:
     assert decode(pack(common.MAVLink_system_time_message(0, 0)))[0] == []
     attitude = common.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03)
     gps = common.MAVLink_gps_raw_int_message(0, 3, 1, 1, 1, 65535, 65535, 65535, 65535, 255)
-    found = decode(pack(attitude) + pack(gps))[0]
-    assert {m.stamp for m in found if not isinstance(m, Reading)} == {Stamp(1)}
+    measurements = decode(pack(attitude) + pack(gps))[0]
+    assert {m.stamp for m in measurements if not isinstance(m, Reading)} == {Stamp(1)}
 
 
 def test_a_second_inertial_sensor_is_not_mixed_with_the_first() -> None:

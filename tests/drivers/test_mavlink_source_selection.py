@@ -52,18 +52,20 @@ def readings(found: list[Measurement]) -> dict[str, float]:
 def test_a_receiver_without_a_fix_does_not_hide_the_estimate() -> None:
     """The flicker between an estimate that goes on and a receiver that has lost its satellites."""
     pilot = Autopilot()
-    found = [m for k in range(100) for m in pilot.says(k / 5, estimate()) + pilot.says(k / 5 + 0.1, receiver(fix=1))]
-    assert len(of(Position, found)) == len(of(Velocity, found)) == 100
-    assert all(m.valid for m in of(Position, found) + of(Velocity, found))
+    measurements = [
+        m for k in range(100) for m in pilot.says(k / 5, estimate()) + pilot.says(k / 5 + 0.1, receiver(fix=1))
+    ]
+    assert len(of(Position, measurements)) == len(of(Velocity, measurements)) == 100
+    assert all(m.valid for m in of(Position, measurements) + of(Velocity, measurements))
 
 
 def test_the_receiver_beside_the_estimate_is_a_reading() -> None:
     pilot = Autopilot()
     pilot.says(0.0, estimate())
-    found = pilot.says(0.1, receiver())
-    assert not of(Position, found)
-    assert not of(Velocity, found)
-    reported = readings(found)
+    measurements = pilot.says(0.1, receiver())
+    assert not of(Position, measurements)
+    assert not of(Velocity, measurements)
+    reported = readings(measurements)
     assert reported["gps_raw_int_lat"] == pytest.approx(math.radians(48.00001), abs=NEAR)
     assert reported["gps_raw_int_ground_speed"] == 5.0
 

@@ -275,13 +275,15 @@ def test_a_group_of_satellites_with_a_lost_sentence_is_not_reported() -> None:
 
 def test_a_group_has_the_stamp_of_its_first_sentence() -> None:
     decoder = nmea.make_decoder(nmea.Options())
-    found = [decoder.feed(sentence(f"GPGSV,2,{i},06,{i:02d},10,020,30"), i) for i in (1, 2)]
-    assert [m.stamp.t_rx_ns for m in found[1]] == [1]
+    measurements = [decoder.feed(sentence(f"GPGSV,2,{i},06,{i:02d},10,020,30"), i) for i in (1, 2)]
+    assert [m.stamp.t_rx_ns for m in measurements[1]] == [1]
 
 
 def test_satellites_used_come_from_the_sentence_before() -> None:
-    found = decode(sentence("GPGSA,A,3,05,,,,,,,,,,,,1.5,1.0,1.1") + sentence("GPGSV,1,1,02,05,10,020,30,06,11,021,"))
-    used, view = (m for m in found if isinstance(m, Satellites))
+    measurements = decode(
+        sentence("GPGSA,A,3,05,,,,,,,,,,,,1.5,1.0,1.1") + sentence("GPGSV,1,1,02,05,10,020,30,06,11,021,")
+    )
+    used, view = (m for m in measurements if isinstance(m, Satellites))
     assert (used.pdop, used.hdop, used.vdop) == (1.5, 1.0, 1.1)
     assert [(s.number, s.used, s.cn0_dbhz) for s in view.satellites] == [(5, True, 30.0), (6, False, None)]
 
@@ -336,8 +338,8 @@ def test_sentences_that_are_none_are_counted_by_reason(data: bytes, reason: str)
 def test_a_sentence_inside_garbage_and_comments_is_found() -> None:
     good = sentence("GPHDT,2.0,T")
     decoder = nmea.make_decoder(nmea.Options())
-    found = decoder.feed(b"# a comment $GPHDT,1" + good + b"\xff#\xfe" + good + b"# at 5 $ a piece\n" + good, 1)
-    assert len(found) == 3
+    measurements = decoder.feed(b"# a comment $GPHDT,1" + good + b"\xff#\xfe" + good + b"# at 5 $ a piece\n" + good, 1)
+    assert len(measurements) == 3
 
 
 def test_encapsulated_data_and_proprietary_sentences_are_framed_by_name() -> None:
@@ -407,10 +409,10 @@ def keys(found: Satellites) -> list[tuple[str, int]]:
 
 def test_each_list_has_the_whole_sky_and_a_silent_system_leaves_it() -> None:
     gp, gl = gsv("GP", 1, 2), gsv("GL", 65)
-    found = [set(keys(m)) for m in satellites_of(gp + gl + gp + gl + gp + gp)]
+    rows = [set(keys(m)) for m in satellites_of(gp + gl + gp + gl + gp + gp)]
     gps = {("gps", 1), ("gps", 2)}
     both = gps | {("glonass", 1)}
-    assert found == [gps, both, both, both, both, gps]
+    assert rows == [gps, both, both, both, both, gps]
 
 
 def test_a_satellite_on_two_signals_is_reported_once_with_the_stronger() -> None:
@@ -465,9 +467,9 @@ def position_of(body: str) -> Position:
 
 
 def test_gll_and_its_older_form() -> None:
-    found = position_of("IIGLL,3000.0,S,09000.0,W,120000,A,A")
-    assert (found.lat, found.lon) == pytest.approx((-math.pi / 6, -math.pi / 2))
-    assert found.valid
+    position = position_of("IIGLL,3000.0,S,09000.0,W,120000,A,A")
+    assert (position.lat, position.lon) == pytest.approx((-math.pi / 6, -math.pi / 2))
+    assert position.valid
     assert not position_of("IIGLL,3000.0,S,09000.0,W,120000,V").valid
     assert not position_of("LCGLL,3000.0,S,09000.0,W").valid
 
@@ -475,9 +477,8 @@ def test_gll_and_its_older_form() -> None:
 def test_sigma_of_gst_belongs_to_the_positions_around_it() -> None:
     gst = sentence("GPGST,120000.00,1.2,5.0,3.0,45.0,3.0,4.0,6.5")
     gga = "GPGGA,{},4800.0,N,01130.0,E,1,08,1.0,500.0,M,47.0,M,,"
-    found = [m for m in decode(gst + b"".join(sentence(gga.format(t)) for t in ("120001.00", "120011.00", "115959")))
-             if isinstance(m, Position)]  # fmt: skip
-    sigma = [(p.horizontal_sd, p.vertical_sd) for p in found]
+    data = gst + b"".join(sentence(gga.format(t)) for t in ("120001.00", "120011.00", "115959"))
+    sigma = [(p.horizontal_sd, p.vertical_sd) for p in decode(data) if isinstance(p, Position)]
     assert sigma == [(pytest.approx(math.sqrt((3.0**2 + 4.0**2) / 2)), 6.5), (None, None), (None, None)]
 
 
@@ -493,8 +494,8 @@ def test_the_sigma_that_is_written_is_the_one_that_is_read() -> None:
         vertical_sd=4.0,
     )
     sent = b"".join(nmea.make_encoder(nmea.Options()).encode(stated))
-    found = next(m for m in decode(sent) if isinstance(m, Position) and m.alt_msl is not None)
-    assert (found.horizontal_sd, found.vertical_sd) == pytest.approx((2.5, 4.0))
+    measurement = next(m for m in decode(sent) if isinstance(m, Position) and m.alt_msl is not None)
+    assert (measurement.horizontal_sd, measurement.vertical_sd) == pytest.approx((2.5, 4.0))
 
 
 @pytest.mark.parametrize(
@@ -602,10 +603,10 @@ def test_years_of_two_digits(date: str, expected: str) -> None:
 
 
 def test_a_receiver_without_a_fix_may_say_impossible_places() -> None:
-    found = decode(sentence("GPRMC,000452.981,V,36000.0000,N,72000.0000,E,0.000000,,190120,,"))
-    assert isinstance(found[0], Position)
-    assert (found[0].valid, found[0].lat, found[0].lon) == (False, None, None)
-    assert found[0].stamp.t_dev_ns == unix_ns("2020-01-19T00:04:52.981")
+    measurements = decode(sentence("GPRMC,000452.981,V,36000.0000,N,72000.0000,E,0.000000,,190120,,"))
+    assert isinstance(measurements[0], Position)
+    assert (measurements[0].valid, measurements[0].lat, measurements[0].lon) == (False, None, None)
+    assert measurements[0].stamp.t_dev_ns == unix_ns("2020-01-19T00:04:52.981")
     assert times(sentence("GPRMC,120000,V,,,,,,,000000,,")) == [None]
 
 

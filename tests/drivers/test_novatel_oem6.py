@@ -84,9 +84,9 @@ def test_a_longer_header_moves_the_body() -> None:
     long = bytearray(BESTPOS[:-4])
     long[3] = 32
     long[28:28] = b"more"
-    found = only(bytes(long) + crc32(long).to_bytes(4, "little"), Position)
-    assert found.lat == pytest.approx(math.radians(48.1))
-    assert found.valid
+    position = only(bytes(long) + crc32(long).to_bytes(4, "little"), Position)
+    assert position.lat == pytest.approx(math.radians(48.1))
+    assert position.valid
 
 
 def test_what_the_second_antenna_says_is_counted_and_not_mixed_in() -> None:
@@ -147,36 +147,36 @@ def test_a_range_of_all_channels_is_longer_than_other_messages_may_be() -> None:
 
 
 def test_position_has_both_heights_in_si() -> None:
-    found = only(BESTPOS, Position)
-    assert found.lat == pytest.approx(0.8395033702, abs=1e-10)
-    assert found.lon == pytest.approx(0.2007128640, abs=1e-10)
-    assert (found.alt, found.alt_msl, found.undulation) == (546.5, 500.0, 46.5)
-    assert found.horizontal_sd == pytest.approx(math.sqrt((1.1**2 + 1.0**2) / 2), abs=1e-6)
-    assert (found.vertical_sd, found.valid) == (2.0, True)
-    assert found.stamp == Stamp(5, T_GPS_NS, TimeScale.GPS)
+    position = only(BESTPOS, Position)
+    assert position.lat == pytest.approx(0.8395033702, abs=1e-10)
+    assert position.lon == pytest.approx(0.2007128640, abs=1e-10)
+    assert (position.alt, position.alt_msl, position.undulation) == (546.5, 500.0, 46.5)
+    assert position.horizontal_sd == pytest.approx(math.sqrt((1.1**2 + 1.0**2) / 2), abs=1e-6)
+    assert (position.vertical_sd, position.valid) == (2.0, True)
+    assert position.stamp == Stamp(5, T_GPS_NS, TimeScale.GPS)
 
 
 def test_velocity_is_down_positive_and_as_old_as_its_latency() -> None:
     """36 km/h to the south-west, climbing 2 m/s, true a quarter of a second ago."""
     body = solution.BESTVEL.pack(0, 8, 0.25, 0.0, 10.0, 225.0, 2.0, 0.0)
-    found = only(frame(messages.BESTVEL, body), Velocity)
-    assert (found.ground_speed, found.down) == (10.0, -2.0)
-    assert found.track == pytest.approx(3.92699, abs=1e-5)
-    assert found.north == pytest.approx(-7.0711, abs=1e-4)
-    assert found.east == pytest.approx(-7.0711, abs=1e-4)
-    assert found.stamp.t_dev_ns == T_GPS_NS - 250_000_000
+    velocity = only(frame(messages.BESTVEL, body), Velocity)
+    assert (velocity.ground_speed, velocity.down) == (10.0, -2.0)
+    assert velocity.track == pytest.approx(3.92699, abs=1e-5)
+    assert velocity.north == pytest.approx(-7.0711, abs=1e-4)
+    assert velocity.east == pytest.approx(-7.0711, abs=1e-4)
+    assert velocity.stamp.t_dev_ns == T_GPS_NS - 250_000_000
 
 
 def test_metres_of_the_clock_model_are_seconds() -> None:
     """299.792458 m are a microsecond."""
     covariance = (0.09, 0.0, 0.0, 0.0, 0.0004, 0.0, 0.0, 0.0, 0.0)
     body = clock.CLOCKMODEL.pack(0, 0, MS, MS, 299.792458, -2.99792458, 0.0, *covariance, 1.0, 2.0, 0)
-    found = only(frame(messages.CLOCKMODEL, body), ReceiverClock)
-    assert found.offset == pytest.approx(1e-6)
-    assert found.drift == pytest.approx(-1e-8)
-    assert found.offset_sd == pytest.approx(0.3 / 299_792_458.0)
-    assert found.drift_sd == pytest.approx(0.02 / 299_792_458.0)
-    assert found.valid
+    receiver_clock = only(frame(messages.CLOCKMODEL, body), ReceiverClock)
+    assert receiver_clock.offset == pytest.approx(1e-6)
+    assert receiver_clock.drift == pytest.approx(-1e-8)
+    assert receiver_clock.offset_sd == pytest.approx(0.3 / 299_792_458.0)
+    assert receiver_clock.drift_sd == pytest.approx(0.02 / 299_792_458.0)
+    assert receiver_clock.valid
 
 
 def test_a_range_has_the_sign_of_the_phase_turned_and_that_of_the_doppler_kept() -> None:
@@ -196,10 +196,10 @@ def test_satellites_above_the_horizon_have_directions_in_radians() -> None:
     body = sky.SATVIS.pack(1, 1, len(entries)) + b"".join(
         sky.ENTRY.pack(n, 0, 0, up, azimuth, 0.0, 0.0) for n, up, azimuth in entries
     )
-    found = only(frame(messages.SATVIS, body), Satellites).satellites
-    assert [(s.system, s.number) for s in found] == [("gps", 5), ("glonass", 14), ("sbas", 120)]
-    assert found[0].azimuth == pytest.approx(math.pi / 2)
-    assert found[0].elevation == pytest.approx(math.pi / 4)
+    satellites = only(frame(messages.SATVIS, body), Satellites).satellites
+    assert [(s.system, s.number) for s in satellites] == [("gps", 5), ("glonass", 14), ("sbas", 120)]
+    assert satellites[0].azimuth == pytest.approx(math.pi / 2)
+    assert satellites[0].elevation == pytest.approx(math.pi / 4)
 
 
 def test_satellites_of_qzss_are_numbered_within_their_system_as_other_receivers_do() -> None:
@@ -228,11 +228,11 @@ def test_satellites_of_qzss_are_numbered_within_their_system_as_other_receivers_
 
 def test_vertical_dilution_is_what_the_others_leave() -> None:
     body = sky.PSRDOP.pack(2.5, 2.0, 1.2, 1.5, 1.0, 5.0, 2) + struct.pack("<2I", 5, 51)
-    found = only(frame(messages.PSRDOP, body), Satellites)
-    assert found.pdop == 2.0
-    assert found.hdop == pytest.approx(1.2)
-    assert found.vdop == pytest.approx(1.6)
-    assert [(s.system, s.number, s.used) for s in found.satellites] == [("gps", 5, True), ("glonass", 14, True)]
+    satellites = only(frame(messages.PSRDOP, body), Satellites)
+    assert satellites.pdop == 2.0
+    assert satellites.hdop == pytest.approx(1.2)
+    assert satellites.vdop == pytest.approx(1.6)
+    assert [(s.system, s.number, s.used) for s in satellites.satellites] == [("gps", 5, True), ("glonass", 14, True)]
 
 
 # ------------------------------------------------------------------------------------------------- what is not valid
@@ -259,9 +259,9 @@ def test_vertical_dilution_is_what_the_others_leave() -> None:
     ids=str,
 )
 def test_a_position_without_solution_in_wgs84_is_not_valid(changed: dict[str, float]) -> None:
-    found = only(bestpos(**changed), Position)
-    assert not found.valid
-    assert all(x is None or math.isfinite(x) for x in (found.lat, found.lon, found.alt, found.alt_msl))
+    position = only(bestpos(**changed), Position)
+    assert not position.valid
+    assert all(x is None or math.isfinite(x) for x in (position.lat, position.lon, position.alt, position.alt_msl))
 
 
 @pytest.mark.parametrize("kind", [2, 16, 17, 18, 32, 34, 50, 69])
@@ -273,9 +273,9 @@ def test_a_position_of_every_kind_of_solution_is_valid(kind: int) -> None:
 def test_a_velocity_without_solution_is_not_valid(numbers: tuple[int, int, float]) -> None:
     code, kind, speed = numbers
     body = solution.BESTVEL.pack(code, kind, math.nan, 0.0, speed, 10.0, 0.0, 0.0)
-    found = only(frame(messages.BESTVEL, body), Velocity)
-    assert not found.valid
-    assert found.stamp.t_dev_ns == T_GPS_NS  # a latency that is no number is none
+    velocity = only(frame(messages.BESTVEL, body), Velocity)
+    assert not velocity.valid
+    assert velocity.stamp.t_dev_ns == T_GPS_NS  # a latency that is no number is none
 
 
 @pytest.mark.parametrize("time_status", [20, 60, 80, 100, 120, 140, 200, 0, 255])
@@ -298,14 +298,14 @@ def test_milliseconds_beyond_the_week_are_no_device_time() -> None:
 def test_clock_and_utc_say_what_they_are_worth(model: int, utc: int) -> None:
     """1 is valid for UTC (2 is a default number of leap seconds), 0 for the clock (1 is converging)."""
     body = clock.TIME.pack(model, 1e-9, 1e-9, -18.0, 2017, 5, 18, 16, 8, 44000, utc)
-    found = decode(frame(messages.TIME, body))
-    assert [m.valid for m in found if isinstance(m, ReceiverClock)] == [model == 0]
-    assert [m.valid for m in found if isinstance(m, Reading)] == [utc == 1]
+    measurements = decode(frame(messages.TIME, body))
+    assert [m.valid for m in measurements if isinstance(m, ReceiverClock)] == [model == 0]
+    assert [m.valid for m in measurements if isinstance(m, Reading)] == [utc == 1]
 
 
 def test_a_dilution_of_9999_is_none() -> None:
-    found = only(frame(messages.PSRDOP, sky.PSRDOP.pack(9999.0, 9999.0, 9999.0, 1.0, 1.0, 5.0, 0)), Satellites)
-    assert (found.pdop, found.hdop, found.vdop, found.used) == (None, None, None, 0)
+    satellites = only(frame(messages.PSRDOP, sky.PSRDOP.pack(9999.0, 9999.0, 9999.0, 1.0, 1.0, 5.0, 0)), Satellites)
+    assert (satellites.pdop, satellites.hdop, satellites.vdop, satellites.used) == (None, None, None, 0)
 
 
 def test_directions_that_the_receiver_does_not_vouch_for_are_not_given() -> None:
@@ -332,12 +332,15 @@ def test_what_is_not_locked_is_not_measured() -> None:
 
 def test_errors_are_named_and_the_receiver_is_not_ok() -> None:
     body = status.HEAD.pack(1 << 15, 1) + status.WORD.pack(1 << 0 | 1 << 6, 0, 0, 0)
-    found = only(frame(messages.RXSTATUS, body), DeviceStatus)
-    assert (found.ok, found.flags) == (False, ("nvm_error", "error", "antenna_shorted"))
+    device_status = only(frame(messages.RXSTATUS, body), DeviceStatus)
+    assert (device_status.ok, device_status.flags) == (False, ("nvm_error", "error", "antenna_shorted"))
     assert not only(frame(messages.RXSTATUS, status.HEAD.pack(1 << 31, 0)), DeviceStatus).ok
     harmless = status.HEAD.pack(0, 1) + status.WORD.pack(1 << 19 | 1 << 18 | 1 << 22, 0, 0, 0)
-    found = only(frame(messages.RXSTATUS, harmless), DeviceStatus)
-    assert (found.ok, found.flags) == (True, ("almanac_invalid", "position_invalid", "clock_model_invalid"))
+    device_status = only(frame(messages.RXSTATUS, harmless), DeviceStatus)
+    assert (device_status.ok, device_status.flags) == (
+        True,
+        ("almanac_invalid", "position_invalid", "clock_model_invalid"),
+    )
 
 
 # ---------------------------------------------------------------------------------------------------- round trips

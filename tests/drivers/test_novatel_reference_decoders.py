@@ -43,8 +43,8 @@ def decode(data: bytes) -> list[Measurement]:
     return novatel.make_decoder(novatel.Options()).feed(data, 1)
 
 
-def of(found: list[Measurement], kind: type[M]) -> list[M]:
-    return [m for m in found if isinstance(m, kind)]
+def of(measurements: list[Measurement], kind: type[M]) -> list[M]:
+    return [m for m in measurements if isinstance(m, kind)]
 
 
 # ----------------------------------------------------------------------------------------------- the maker's package
@@ -64,8 +64,8 @@ def edie_frames(data: bytes) -> Iterator[tuple[bytes, Any]]:
 
 def edie_binary(data: bytes) -> list[tuple[int, bytes]]:
     """Message number and bytes of the binary frames among them."""
-    found = [frame for frame, meta in edie_frames(data) if meta.format.name == "BINARY"]
-    return [(int.from_bytes(frame[4:6], "little"), frame) for frame in found]
+    frames = [frame for frame, meta in edie_frames(data) if meta.format.name == "BINARY"]
+    return [(int.from_bytes(frame[4:6], "little"), frame) for frame in frames]
 
 
 def to_binary(line: bytes) -> bytes:
@@ -153,15 +153,15 @@ def test_a_compressed_range_is_what_the_maker_expands_it_to() -> None:
 
 
 def test_clock_time_and_position_say_what_the_receiver_printed() -> None:
-    found = [m for line in maker_lines() if b"RANGE" not in line for m in decode(to_binary(line))]
-    unknown, coarse, fine = of(found, DeviceTime)
+    measurements = [m for line in maker_lines() if b"RANGE" not in line for m in decode(to_binary(line))]
+    unknown, coarse, fine = of(measurements, DeviceTime)
     assert unknown.stamp.t_dev_ns is coarse.stamp.t_dev_ns is None
     assert fine.stamp.t_dev_ns == (2180 * WEEK_S + 407_600) * 1_000_000_000
-    model = next(c for c in of(found, ReceiverClock) if c.drift is not None)
+    model = next(c for c in of(measurements, ReceiverClock) if c.drift is not None)
     assert model.offset == pytest.approx(-0.8630928664 / 299_792_458.0)
     assert model.drift == pytest.approx(0.01883231757 / 299_792_458.0)
-    assert [c.valid for c in of(found, ReceiverClock)] == [False, False, False, True]  # ITERATING is not valid
-    (position,) = of(found, Position)
+    assert [c.valid for c in of(measurements, ReceiverClock)] == [False, False, False, True]  # ITERATING is not valid
+    (position,) = of(measurements, Position)
     assert position.alt is not None
     assert position.alt_msl is not None
     assert position.alt - position.alt_msl == pytest.approx(-16.9, abs=1e-5)
@@ -210,14 +210,14 @@ def read_rinex(text: str) -> dict[float, Epoch]:
         if "SYS / # / OBS TYPES" in line:
             system = line[0].strip() or list(codes)[-1]  # a second line goes on
             codes.setdefault(system, []).extend(line[6:60].split())
-    found: dict[float, Epoch] = {}
+    epochs: dict[float, Epoch] = {}
     for line in body.splitlines()[1:]:
         if line.startswith(">"):
-            epoch = found.setdefault(epoch_seconds(line.split()[1:7]), {})
+            epoch = epochs.setdefault(epoch_seconds(line.split()[1:7]), {})
             continue
         cells = {code: line[3 + 16 * i : 17 + 16 * i].strip() for i, code in enumerate(codes[line[0]])}
         epoch[line[:3].replace(" ", "0")] = {code: float(cell) for code, cell in cells.items() if cell}
-    return found
+    return epochs
 
 
 def epoch_seconds(fields: list[str]) -> float:
@@ -231,16 +231,16 @@ def satellite(o: Pseudorange) -> str:
 
 
 def ours_as_rinex(data: bytes) -> dict[float, Epoch]:
-    found: dict[float, Epoch] = {}
+    epochs: dict[float, Epoch] = {}
     for epoch in of(decode(data), Pseudoranges):
         assert epoch.stamp.t_dev_ns is not None
-        measurements = found.setdefault(epoch.stamp.t_dev_ns / 1e9, {})
+        measurements = epochs.setdefault(epoch.stamp.t_dev_ns / 1e9, {})
         for o in epoch.observations:
             values = {"C": o.pseudorange, "L": o.carrier_phase, "D": o.doppler, "S": o.cn0_dbhz}
             for kind, value in values.items():
                 if value is not None:
                     measurements.setdefault(satellite(o), {})[kind + o.signal[1:]] = value
-    return found
+    return epochs
 
 
 TOLERANCE = {"C": 6e-4, "L": 6e-4, "D": 6e-4, "S": 0.06}  # half of the last digit that is written, and a little
@@ -275,9 +275,9 @@ def test_observations_of_a_modern_receiver_are_those_of_rtklib(tmp_path: Path) -
 
 
 def test_what_the_emulated_receiver_measures_rtklib_reads(tmp_path: Path) -> None:
-    made = sensor("novatel_oem6")
+    result = sensor("novatel_oem6")
     encoder = novatel.make_encoder(novatel.Options(unasked=True))
-    data = b"".join(f for k in range(0, 30, 10) for m in made.measure(k, START_NS) for f in encoder.encode(m))
+    data = b"".join(f for k in range(0, 30, 10) for m in result.measure(k, START_NS) for f in encoder.encode(m))
     ours = {round(t, 7): epoch for t, epoch in ours_as_rinex(data).items()}
     theirs = {round(t, 7): epoch for t, epoch in rinex(data, tmp_path).items()}
     count = assert_same(theirs, ours)

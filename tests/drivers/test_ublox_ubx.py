@@ -58,16 +58,16 @@ def read(name: str) -> bytes:
 def reports(name: str, kind: str) -> list[dict[str, Any]]:
     """What gpsd 3.22 said to the same bytes."""
     lines = (ROOT / f"tests/captures/{name}.log.chk").read_text(errors="replace").splitlines()
-    found = [json.loads(line) for line in lines if line.startswith("{")]
-    return [report for report in found if report["class"] == kind]
+    contents = [json.loads(line) for line in lines if line.startswith("{")]
+    return [report for report in contents if report["class"] == kind]
 
 
 def decode(data: bytes) -> list[Measurement]:
     return ubx.make_decoder(ubx.Options()).feed(data, 1)
 
 
-def of(found: list[Measurement], kind: type[M]) -> list[M]:
-    return [m for m in found if isinstance(m, kind)]
+def of(measurements: list[Measurement], kind: type[M]) -> list[M]:
+    return [m for m in measurements if isinstance(m, kind)]
 
 
 def one(message: bytes, kind: type[M]) -> M:
@@ -123,8 +123,8 @@ def test_keys_of_the_configuration_are_those_of_a_second_table() -> None:
 
 
 def test_solutions_of_nav_pvt_are_those_of_gpsd() -> None:
-    found = decode(read("ublox-neo-m8n"))
-    positions, velocities = by_time(of(found, Position)), by_time(of(found, Velocity))
+    measurements = decode(read("ublox-neo-m8n"))
+    positions, velocities = by_time(of(measurements, Position)), by_time(of(measurements, Velocity))
     reference = reports("ublox-neo-m8n", "TPV")
     assert {report_ms(r["time"]) for r in reference} == set(positions)
     for report in reference:
@@ -143,8 +143,8 @@ def test_solutions_of_nav_pvt_are_those_of_gpsd() -> None:
 
 def test_solutions_of_nav_sol_are_those_of_gpsd() -> None:
     """Every epoch earth-centred; gpsd works out latitude and longitude for the first one only."""
-    found = decode(read("ublox-neo-m8t"))
-    positions, velocities = by_time(of(found, Position)), by_time(of(found, Velocity))
+    measurements = decode(read("ublox-neo-m8t"))
+    positions, velocities = by_time(of(measurements, Position)), by_time(of(measurements, Velocity))
     reference = [r for r in reports("ublox-neo-m8t", "TPV") if "ecefx" in r]
     assert {report_ms(r["time"]) for r in reference} == set(positions)
     for report in reference:
@@ -225,8 +225,8 @@ def test_raw_observations_are_those_of_gpsd() -> None:
 
 def message(name: str, **fields: Any) -> bytes:
     """A message of a second generator."""
-    made: bytes = UBXMessage(name[:3], name, GET, **fields).serialize()
-    return made
+    data: bytes = UBXMessage(name[:3], name, GET, **fields).serialize()
+    return data
 
 
 GOOD = {"fixType": 3, "gnssFixOk": 1, "numSV": 9, "pDOP": 1.5}
@@ -240,52 +240,64 @@ def pvt(**fields: Any) -> bytes:
 
 def test_pvt_in_metres_per_second() -> None:
     """mm/s, 1e-5 degrees: 10 m/s to the south and sinking with 2 m/s."""
-    found = one(pvt(velN=-10_000, velE=0, velD=2000, gSpeed=10_000, headMot=180.0, sAcc=250), Velocity)
-    assert (found.north, found.east, found.down, found.ground_speed, found.sd) == (-10.0, 0.0, 2.0, 10.0, 0.25)
-    assert found.track == pytest.approx(math.pi)
+    velocity = one(pvt(velN=-10_000, velE=0, velD=2000, gSpeed=10_000, headMot=180.0, sAcc=250), Velocity)
+    assert (velocity.north, velocity.east, velocity.down, velocity.ground_speed, velocity.sd) == (
+        -10.0,
+        0.0,
+        2.0,
+        10.0,
+        0.25,
+    )
+    assert velocity.track == pytest.approx(math.pi)
 
 
 def test_posllh_in_metres_and_radians() -> None:
     """1e-7 degrees, mm: 30 degrees north are pi/6."""
-    found = one(
+    position = one(
         frame(0x01, 0x02, struct.pack("<I4i2I", 0, -900_000_000, 300_000_000, 123_456, 76_456, 2500, 3500)), Position
     )
-    assert found.lat == pytest.approx(math.pi / 6)
-    assert found.lon == pytest.approx(-math.pi / 2)
-    assert (found.alt, found.alt_msl, found.undulation) == (123.456, 76.456, 47.0)
-    assert (found.horizontal_sd, found.vertical_sd) == (2.5, 3.5)
+    assert position.lat == pytest.approx(math.pi / 6)
+    assert position.lon == pytest.approx(-math.pi / 2)
+    assert (position.alt, position.alt_msl, position.undulation) == (123.456, 76.456, 47.0)
+    assert (position.horizontal_sd, position.vertical_sd) == (2.5, 3.5)
 
 
 def test_hpposllh_has_two_more_digits() -> None:
     data = struct.pack("<BHBI4i4b2I", 0, 0, 0, 0, 115_678_901, 481_234_567, 545_678, 498_765, 99, -99, 9, -9, 141, 212)
-    found = one(frame(0x01, 0x14, data), Position)
-    assert math.degrees(found.lat or 0.0) == pytest.approx(48.123456601, abs=1e-12)
-    assert math.degrees(found.lon or 0.0) == pytest.approx(11.567890199, abs=1e-12)
-    assert found.alt == pytest.approx(545.6789, abs=1e-9)
-    assert found.alt_msl == pytest.approx(498.7641, abs=1e-9)
-    assert (found.horizontal_sd, found.vertical_sd) == (0.0141, 0.0212)
+    position = one(frame(0x01, 0x14, data), Position)
+    assert math.degrees(position.lat or 0.0) == pytest.approx(48.123456601, abs=1e-12)
+    assert math.degrees(position.lon or 0.0) == pytest.approx(11.567890199, abs=1e-12)
+    assert position.alt == pytest.approx(545.6789, abs=1e-9)
+    assert position.alt_msl == pytest.approx(498.7641, abs=1e-9)
+    assert (position.horizontal_sd, position.vertical_sd) == (0.0141, 0.0212)
 
 
 def test_velned_in_metres_per_second() -> None:
     """cm/s, 1e-5 degrees: 36 km/h to the west is 10 m/s, 270 degrees."""
     data = struct.pack("<I3iIIiII", 0, 0, -1000, 50, 1001, 1000, 27_000_000, 20, 0)
-    found = one(frame(0x01, 0x12, data), Velocity)
-    assert (found.north, found.east, found.down, found.ground_speed, found.sd) == (0.0, -10.0, 0.5, 10.0, 0.2)
-    assert found.track == pytest.approx(1.5 * math.pi)
+    velocity = one(frame(0x01, 0x12, data), Velocity)
+    assert (velocity.north, velocity.east, velocity.down, velocity.ground_speed, velocity.sd) == (
+        0.0,
+        -10.0,
+        0.5,
+        10.0,
+        0.2,
+    )
+    assert velocity.track == pytest.approx(1.5 * math.pi)
 
 
 def test_attitude_in_radians() -> None:
     data = struct.pack("<IB3x3i3I", 0, 0, -9_000_000, 4_500_000, 18_000_000, 100_000, 200_000, 300_000)
-    found = one(frame(0x01, 0x05, data), Attitude)
-    assert (found.roll, found.pitch, found.heading) == pytest.approx((-math.pi / 2, math.pi / 4, math.pi))
-    assert (found.roll_sd, found.heading_sd) == pytest.approx((math.radians(1), math.radians(3)))
+    attitude = one(frame(0x01, 0x05, data), Attitude)
+    assert (attitude.roll, attitude.pitch, attitude.heading) == pytest.approx((-math.pi / 2, math.pi / 4, math.pi))
+    assert (attitude.roll_sd, attitude.heading_sd) == pytest.approx((math.radians(1), math.radians(3)))
 
 
 def test_clock_in_seconds() -> None:
     """ns, ns/s, ns, ps/s; receiver time is ahead of GPS time when it is positive."""
-    found = one(message("NAV-CLOCK", clkB=1_000_000, clkD=760, tAcc=20, fAcc=5000), ReceiverClock)
-    assert (found.offset, found.drift) == pytest.approx((1e-3, 7.6e-7))
-    assert (found.offset_sd, found.drift_sd) == pytest.approx((20e-9, 5e-9))
+    receiver_clock = one(message("NAV-CLOCK", clkB=1_000_000, clkD=760, tAcc=20, fAcc=5000), ReceiverClock)
+    assert (receiver_clock.offset, receiver_clock.drift) == pytest.approx((1e-3, 7.6e-7))
+    assert (receiver_clock.offset_sd, receiver_clock.drift_sd) == pytest.approx((20e-9, 5e-9))
     unknown = one(message("NAV-CLOCK", tAcc=0xFFFFFFFF), ReceiverClock)
     assert not unknown.valid
     assert unknown.offset_sd is None
@@ -304,9 +316,9 @@ def test_times_in_gps_and_utc() -> None:
 def test_observations_in_metres_cycles_and_seconds() -> None:
     signal = struct.pack("<ddfBBBBHBBBBBx", 2e7, 1e8, -1000.0, 2, 11, 6, 0, 1500, 44, 3, 5, 1, 3)
     data = struct.pack("<dHbBBBxx", 345_600.25, 2300, 18, 1, 1, 1) + signal
-    found = one(frame(0x02, 0x15, data), Pseudoranges)
-    assert found.stamp.t_dev_ns == (2300 * 604_800 + 345_600) * 10**9 + 250_000_000
-    assert found.observations == (
+    pseudoranges = one(frame(0x02, 0x15, data), Pseudoranges)
+    assert pseudoranges.stamp.t_dev_ns == (2300 * 604_800 + 345_600) * 10**9 + 250_000_000
+    assert pseudoranges.observations == (
         Pseudorange(
             system="galileo", number=11, signal="L7Q", pseudorange=2e7, pseudorange_sd=0.08, carrier_phase=1e8,
             carrier_phase_sd=0.02, doppler=-1000.0, cn0_dbhz=44.0, lock_time=1.5, carrier_hz=1207.14e6,
@@ -334,11 +346,11 @@ def test_signals_and_their_carriers(gnss_id: int, signal_id: int, channel: int, 
 def test_older_observations() -> None:
     rows = [(1e8, 2e7, 500.0, 5, 6, 40, 0), (1e8, 2e7, 500.0, 122, 4, 35, 0), (1e8, 2e7, 500.0, 7, 1, 20, 0)]
     body = b"".join(struct.pack("<ddfBbbB", *row) for row in rows)
-    found = one(frame(0x02, 0x10, struct.pack("<ihBx", 250, 1500, 3) + body), Pseudoranges)
-    assert found.stamp.t_dev_ns == 1500 * 604_800 * 10**9 + 250_000_000
-    assert [(o.system, o.number) for o in found.observations] == [("gps", 5), ("sbas", 122), ("gps", 7)]
-    assert [o.pseudorange for o in found.observations] == [2e7, 2e7, None]
-    assert [o.carrier_phase for o in found.observations] == [1e8, None, None]
+    pseudoranges = one(frame(0x02, 0x10, struct.pack("<ihBx", 250, 1500, 3) + body), Pseudoranges)
+    assert pseudoranges.stamp.t_dev_ns == 1500 * 604_800 * 10**9 + 250_000_000
+    assert [(o.system, o.number) for o in pseudoranges.observations] == [("gps", 5), ("sbas", 122), ("gps", 7)]
+    assert [o.pseudorange for o in pseudoranges.observations] == [2e7, 2e7, None]
+    assert [o.carrier_phase for o in pseudoranges.observations] == [1e8, None, None]
 
 
 def test_earth_centred_is_that_of_geodesy() -> None:
@@ -369,10 +381,10 @@ def test_earth_centred_is_that_of_geodesy() -> None:
     ],
 )
 def test_kind_of_fix_decides_what_is_valid(fields: dict[str, int], valid: bool, flags: tuple[str, ...]) -> None:
-    found = decode(pvt(**fields))
-    assert of(found, Position)[0].valid is valid
-    assert of(found, Velocity)[0].valid is valid
-    (status,) = of(found, DeviceStatus)
+    measurements = decode(pvt(**fields))
+    assert of(measurements, Position)[0].valid is valid
+    assert of(measurements, Velocity)[0].valid is valid
+    (status,) = of(measurements, DeviceStatus)
     assert (status.ok, status.flags) == (valid, flags)
 
 

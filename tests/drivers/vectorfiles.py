@@ -72,13 +72,13 @@ def vectors_of(driver: str) -> list[Vector]:
 
 def feed_all(decoder: Decoder, reads: Iterable[bytes], t_rx_ns: int = 7) -> list[Measurement]:
     """Feed, and hold the decoder to its accounts after every read."""
-    found: list[Measurement] = []
+    results: list[Measurement] = []
     fed = 0
     for data in reads:
-        found += decoder.feed(data, t_rx_ns)
+        results += decoder.feed(data, t_rx_ns)
         fed += len(data)
         assert_accounted(decoder.counters, fed)
-    return found
+    return results
 
 
 def assert_accounted(counters: Counters, fed: int) -> None:
@@ -90,8 +90,8 @@ def assert_accounted(counters: Counters, fed: int) -> None:
 def make(facts: dict[str, Any], stamp: Stamp) -> Measurement:
     """A measurement of plain facts: its class by name, its fields."""
     fields = {k: tuple(v) if isinstance(v, list) else v for k, v in facts.items() if k != "measurement"}
-    made: Measurement = getattr(measurements, facts["measurement"])(stamp=stamp, **fields)
-    return made
+    measurement: Measurement = getattr(measurements, facts["measurement"])(stamp=stamp, **fields)
+    return measurement
 
 
 def assert_matches(found: object, expected: dict[str, Any], tolerance: float, where: str) -> None:
@@ -115,5 +115,5 @@ def is_close(measurements: Any, value: Any, tolerance: float) -> bool:
     return bool(measurements == value)
 
 
-def of_class(found: Iterable[Measurement], name: str) -> Iterator[Measurement]:
-    return (m for m in found if type(m).__name__ == name)
+def of_class(results: Iterable[Measurement], name: str) -> Iterator[Measurement]:
+    return (m for m in results if type(m).__name__ == name)

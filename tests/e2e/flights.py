@@ -91,8 +91,8 @@ class Flight:
 
     def outputs(self, topic: str) -> list[Row]:
         """Every message of a topic during the flight, with its time as ``t``."""
-        found = [json.loads(data) for *_, data in self.recording.messages(topic)]
-        return [{**row, "t": self.seconds(row["t_ns"])} for row in found if row["t_ns"] >= self.begin_ns]
+        contents = [json.loads(data) for *_, data in self.recording.messages(topic)]
+        return [{**row, "t": self.seconds(row["t_ns"])} for row in contents if row["t_ns"] >= self.begin_ns]
 
     def seconds(self, t_ns: int) -> float:
         """Time of the flight [s]."""

@@ -90,8 +90,8 @@ class Daemon:
         path = self.run_dir / "fti.json"
         until(lambda: path.exists() or self.process.poll() is not None, START_S, "fti.json")
         assert path.exists(), f"the daemon ended with {self.process.returncode}"
-        found: dict[str, Any] = json.loads(path.read_text())
-        return found
+        content: dict[str, Any] = json.loads(path.read_text())
+        return content
 
     @property
     def session(self) -> Path:
@@ -117,8 +117,8 @@ class Daemon:
             timeout=START_S,
             check=True,
         )
-        found: dict[str, Any] = json.loads(done.stdout)
-        return found
+        content: dict[str, Any] = json.loads(done.stdout)
+        return content
 
     def health(self) -> dict[str, Any]:
         """The next health that the daemon publishes on the bus."""
@@ -130,10 +130,10 @@ class Daemon:
 
         subscriber = Subscriber(Path(self.info["sock"]).with_name(SOCKET_NAME), "test", on_message)
         try:
-            found: dict[str, Any] = json.loads(messages.get(timeout=START_S))
+            content: dict[str, Any] = json.loads(messages.get(timeout=START_S))
         finally:
             subscriber.close()
-        return found
+        return content
 
     def pid_of(self, process: str) -> int:
         """Process number of recorder, navigation or display."""

@@ -162,12 +162,12 @@ class Rig:
 
     def _received(self) -> Frames:
         """What the recorder had received since the last kill."""
-        found: Frames = {}
+        frames: Frames = {}
         while batch := self._reader.read(100_000):
-            found.update((r.seq, (self._topics[r.link_index], r.t_rx_ns, r.data)) for r in batch)
+            frames.update((r.seq, (self._topics[r.link_index], r.t_rx_ns, r.data)) for r in batch)
         self._reader.commit()
         assert not self._reader.lost_frames
-        return found
+        return frames
 
     def _assert_in_order(self, recorded: Frames) -> None:
         """Each link's datagrams are the ones that were sent, in their order, none twice."""
@@ -192,35 +192,35 @@ class Rig:
 
 def read_as_it_lies(path: Path) -> Frames:
     """The numbered messages of a file that may have no end, with the official reader of streams."""
-    found: Frames = {}
+    frames: Frames = {}
     topics: dict[int, str] = {}
     if path.stat().st_size < len(records.MAGIC):
-        return found  # killed before it had written the first bytes
+        return frames  # killed before it had written the first bytes
     with path.open("rb") as stream:
         try:
             for record in StreamReader(stream, validate_crcs=True).records:
                 if isinstance(record, Channel):
                     topics[record.id] = record.topic
                 elif isinstance(record, Message):
-                    _take(found, topics[record.channel_id], record)
+                    _take(frames, topics[record.channel_id], record)
         except (EndOfFile, struct.error):  # the latter where it breaks off within the head of a record
             pass
-    return found
+    return frames
 
 
 def read_finished(path: Path) -> Frames:
     """The numbered messages of a finished file, with the official reader."""
-    found: Frames = {}
+    frames: Frames = {}
     with path.open("rb") as stream:
         for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False):
-            _take(found, channel.topic, message)
-    return found
+            _take(frames, channel.topic, message)
+    return frames
 
 
-def _take(found: Frames, topic: str, message: Message) -> None:
+def _take(frames: Frames, topic: str, message: Message) -> None:
     if topic.startswith("/raw/") or topic == "/fti/tick":
-        assert message.sequence not in found
-        found[message.sequence] = topic, message.log_time, message.data
+        assert message.sequence not in frames
+        frames[message.sequence] = topic, message.log_time, message.data
 
 
 def _merge(parts: Iterable[Frames]) -> Frames:

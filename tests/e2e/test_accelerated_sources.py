@@ -77,11 +77,11 @@ def test_a_step_of_100_m_is_refused_at_once_and_its_end_is_a_closure(tmp_path: P
 def test_an_unconfirmed_receiver_has_a_provisional_solution_that_reprocessing_repeats(tmp_path: Path) -> None:
     """A step of 100 m from 25 s on; its tests have passed for 30 s at 55 s."""
     run = fly_faster("gnss_step", tmp_path / "session", 70.0)
-    found = list(run.outputs(PROVISIONAL))
-    assert 55.0 <= found[0]["t"] <= 58.5
-    assert found[-1]["t"] > 69.0
-    assert {(row["valid"], tuple(row["reasons"])) for row in found} == {(False, ("unconfirmed",))}
-    for row in found:
+    rows = list(run.outputs(PROVISIONAL))
+    assert 55.0 <= rows[0]["t"] <= 58.5
+    assert rows[-1]["t"] > 69.0
+    assert {(row["valid"], tuple(row["reasons"])) for row in rows} == {(False, ("unconfirmed",))}
+    for row in rows:
         true = run.truth_at(float(row["t"]))
         north = (row["lat"] - true["lat"]) * 6.37e6
         east = (row["lon"] - true["lon"]) * 6.38e6 * math.cos(true["lat"])

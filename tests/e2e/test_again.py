@@ -17,10 +17,10 @@ FLIGHT_S, SPEED = 48.0, 3.0
 
 
 def _frames(session: Path) -> dict[str, list[bytes]]:
-    found: dict[str, list[bytes]] = {}
+    data: dict[str, list[bytes]] = {}
     for frame in Recording.open(session).frames():
-        found.setdefault(frame.link, []).append(frame.data)
-    return found
+        data.setdefault(frame.link, []).append(frame.data)
+    return data
 
 
 def test_recording_a_replay_gives_the_same_bytes(tmp_path: Path) -> None:

@@ -93,8 +93,8 @@ async def send(running: Daemon, command: str, breaker: str) -> Any:
 
 def watch(running: Daemon) -> dict[str, Any]:
     done = fti("watch", "--once", "--json", "--run-dir", str(running.run_dir))
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    content: dict[str, Any] = json.loads(done.stdout)
+    return content
 
 
 def stands_in_the_file(session: Path) -> None:

@@ -144,7 +144,7 @@ def _at_once(*jobs: Callable[[], None]) -> None:
 
 
 def _recorded(session: Path) -> dict[str, list[bytes]]:
-    found: dict[str, list[bytes]] = {}
+    data: dict[str, list[bytes]] = {}
     for frame in Recording.open(session).frames():
-        found.setdefault(frame.link, []).append(frame.data)
-    return found
+        data.setdefault(frame.link, []).append(frame.data)
+    return data

@@ -216,28 +216,28 @@ async def sends_from_the_page(owner_address: str, receiver: Receiver) -> None:
         aiohttp.ClientSession(headers={"Origin": address.rstrip("/")}) as client,
         client.ws_connect(f"{address}ws") as ws,
     ):
-        shown = await _next_commands(ws)
-        assert [device["name"] for device in shown["devices"]] == ["gnss"]
+        content = await _next_commands(ws)
+        assert [device["name"] for device in content["devices"]] == ["gnss"]
         request = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "105"}}
         for n in range(2):
             await ws.send_json(request | {"request": "click", "key": key, "id": n})
-        while not any(r["id"] == "click" and r["ended"] for r in shown["requests"]):
-            shown = await _next_commands(ws)
-    assert shown["requests"][0]["state"] == "acknowledged"
+        while not any(r["id"] == "click" and r["ended"] for r in content["requests"]):
+            content = await _next_commands(ws)
+    assert content["requests"][0]["state"] == "acknowledged"
     assert receiver.received.count(rate(105)) == 1
 
 
 async def _next_commands(ws: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
     while (message := await ws.receive_json())["type"] != "commands":
         pass
-    found: dict[str, Any] = message
-    return found
+    content: dict[str, Any] = message
+    return content
 
 
 def reports_silence_and_a_late_answer(bench: Bench) -> None:
     bench.receiver.speaks = False
-    found = bench.send_command("silent", 103, timeout_s=0.3)
-    assert (found["state"], found["detail"].partition(";")[0]) == ("timed out", "no answer within 0.3 s")
+    content = bench.send_command("silent", 103, timeout_s=0.3)
+    assert (content["state"], content["detail"].partition(";")[0]) == ("timed out", "no answer within 0.3 s")
     bench.receiver.speaks = True
     until(lambda: bench.running.health()["devices"]["gnss"]["messages"] == 4, LONG_S, "the late answer")
 

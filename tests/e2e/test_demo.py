@@ -38,14 +38,14 @@ def test_the_demonstration_leaves_what_it_promises(tmp_path: Path) -> None:
     (truth,) = session.glob("*_truth_000.mcap")
     topics = {channel.topic for _, channel, _ in _messages(raw)}
     assert topics >= {f"/raw/{link}" for link in LINKS} | {"/fti/tick", "/fti/clock", "/fti/ledger", "/fti/health"}
-    found = _messages(derived)
-    assert {channel.topic for _, channel, _ in found} >= {f"/nav/{name}" for name in OUTPUTS}
-    _assert_schemas(found)
+    rows = _messages(derived)
+    assert {channel.topic for _, channel, _ in rows} >= {f"/nav/{name}" for name in OUTPUTS}
+    _assert_schemas(rows)
     truth_messages = _messages(truth)
     assert len(truth_messages) > 100
     assert truth_messages[-1][1].topic == END_TOPIC  # the emulator has ended by itself, before what records it
     rows_ns = [message.log_time for _, channel, message in truth_messages if channel.topic == TOPIC]
-    assert max(message.log_time for _, channel, message in found if channel.topic == "/nav/nav_solution") > rows_ns[-1]
+    assert max(message.log_time for _, channel, message in rows if channel.topic == "/nav/nav_solution") > rows_ns[-1]
     assert fti("verify", str(session)).returncode == 0
 
 

@@ -52,8 +52,8 @@ def _stopped(pid: int) -> Iterator[None]:
 
 def _ledger(running: Daemon) -> dict[str, Any]:
     """The live account of the link."""
-    found: dict[str, Any] = running.health()["links"]["eth"]["ledger"]
-    return found
+    content: dict[str, Any] = running.health()["links"]["eth"]["ledger"]
+    return content
 
 
 def _verify(session: Path) -> tuple[int, dict[str, Any]]:

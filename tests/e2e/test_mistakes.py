@@ -63,8 +63,8 @@ class Chatter:
 
 
 def _device(running: Daemon) -> dict[str, Any]:
-    found: dict[str, Any] = running.health().get("devices", {}).get("altimeter", {})
-    return found
+    content: dict[str, Any] = running.health().get("devices", {}).get("altimeter", {})
+    return content
 
 
 def _hint_on(tmp_path: Path, data: bytes, period_s: float, state: str) -> str:

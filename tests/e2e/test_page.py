@@ -76,8 +76,8 @@ async def test_the_page_shows_the_flight_and_every_end_of_it(tmp_path: Path) -> 
                 await page.screenshot(tmp_path / "page.png")
                 await asyncio.to_thread(running.stop)
                 await page.wait_for("document.body.classList.contains('disconnected')", LONG_S)
-                shown = f"getComputedStyle({by_testid('no-connection')}).display !== 'none'"
-                assert await page.eval(shown)
+                text = f"getComputedStyle({by_testid('no-connection')}).display !== 'none'"
+                assert await page.eval(text)
                 site = address.partition("#")[0]
                 local = (site, site.replace("http:", "ws:"))
                 assert page.requests

@@ -56,8 +56,8 @@ def _same(session: OpenSession) -> Callable[[Case], OpenSession]:
 
 def test_a_recorded_session_under_damage(recorded: OpenSession, scale: int) -> None:
     counts = {group: count * scale for group, count in COUNTS.items()}
-    found = run_cases(cases(SEED, counts), session_of=_same(recorded))
-    assert not found.failures, "\n".join(found.lines())
+    total = run_cases(cases(SEED, counts), session_of=_same(recorded))
+    assert not total.failures, "\n".join(total.lines())
 
 
 def test_the_next_start_with_damaged_sessions_beside_it(recorded: OpenSession, tmp_path: Path) -> None:
@@ -75,6 +75,6 @@ def test_the_next_start_with_damaged_sessions_beside_it(recorded: OpenSession, t
     faults = []
     for folder, truth in truths.items():
         about = "\n".join(line for line in output.splitlines() if folder.name in line)
-        found = ClosingCheck(truth, folder).run(about)
-        faults += [f"{folder.name}, {truth.damaged.place}: {fault}" for fault in found]
+        texts = ClosingCheck(truth, folder).run(about)
+        faults += [f"{folder.name}, {truth.damaged.place}: {fault}" for fault in texts]
     assert not faults, "\n".join([*faults, output])

@@ -63,8 +63,8 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 
 
 def _link(running: Daemon, name: str) -> dict[str, Any]:
-    found: dict[str, Any] = running.health().get("links", {}).get(name, {})
-    return found
+    content: dict[str, Any] = running.health().get("links", {}).get(name, {})
+    return content
 
 
 def _assert_proved(session: Path) -> None:

@@ -61,6 +61,6 @@ def test_a_falsified_recording_of_the_daemon_fails(flights: dict[str, Flight], f
     sample = sample_of(falsified, flight.session, truth=flight.truth)
     assert sample.honest.holds, sample.honest.failures
     chosen = [CATALOGUE[one] for one in FALSIFICATIONS]
-    found = Sum(list(run(sample, chosen, tmp_path, every=False, turn=scenarios.shipped_names().index(falsified))))
-    assert len(found.applied()) > 1
-    assert not found.undetected, "\n".join(found.lines())
+    total = Sum(list(run(sample, chosen, tmp_path, every=False, turn=scenarios.shipped_names().index(falsified))))
+    assert len(total.applied()) > 1
+    assert not total.undetected, "\n".join(total.lines())

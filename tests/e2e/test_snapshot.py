@@ -43,8 +43,8 @@ def _configure(feeder: Feeder, *, mode: str = "continuous", after_s: float = AFT
 
 
 def _snapshot(running: Daemon) -> dict[str, Any]:
-    found: dict[str, Any] = running.health()["snapshot"] or {}
-    return found
+    content: dict[str, Any] = running.health()["snapshot"] or {}
+    return content
 
 
 def _await_memory(running: Daemon) -> None:

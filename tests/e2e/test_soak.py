@@ -16,24 +16,22 @@ GROWTH_MB = {"recorder": 2.0, "navigation": 10.0, "display": 5.0, "supervisor": 
 
 
 def test_the_ledger_is_closed_and_memory_is_flat(tmp_path: Path, scale: int) -> None:
-    found = run_soak(tmp_path, QUICK_S if scale == 1 else FULL_S, FACTOR)
-    print(found.table())
-    _assert_closed(found)
+    soak = run_soak(tmp_path, QUICK_S if scale == 1 else FULL_S, FACTOR)
+    print(soak.table())
+    _assert_closed(soak)
     if scale > 1:
-        assert {name: used.growth_mb(FULL_S) < GROWTH_MB[name] for name, used in found.usage.items()} == dict.fromkeys(
+        assert {name: used.growth_mb(FULL_S) < GROWTH_MB[name] for name, used in soak.usage.items()} == dict.fromkeys(
             GROWTH_MB, True
-        ), found.table()
+        ), soak.table()
 
 
-def _assert_closed(found: Soak) -> None:
+def _assert_closed(soak: Soak) -> None:
     """What was sent is recorded, frame by frame where there are frames, and the files say the same."""
-    assert {name: size for name, (_, size) in found.recorded.items()} == {
-        n: size for n, (_, size) in found.sent.items()
-    }
-    framed = [name for name in found.sent if name.startswith(("other_", "ins_ethernet", "sensor_bus"))]
-    assert [found.recorded[name] for name in framed] == [found.sent[name] for name in framed]
-    assert sum(found.dropped.values()) == 0
-    assert found.exit_code == 0, found.verified
+    assert {name: size for name, (_, size) in soak.recorded.items()} == {n: size for n, (_, size) in soak.sent.items()}
+    framed = [name for name in soak.sent if name.startswith(("other_", "ins_ethernet", "sensor_bus"))]
+    assert [soak.recorded[name] for name in framed] == [soak.sent[name] for name in framed]
+    assert sum(soak.dropped.values()) == 0
+    assert soak.exit_code == 0, soak.verified
 
 
 def test_growth_is_the_slope_behind_the_warm_up() -> None:

@@ -38,8 +38,8 @@ def configure(feeder: Feeder, fallback: Path | None = None) -> None:
 
 
 def storage(running: Daemon) -> dict[str, Any]:
-    found: dict[str, Any] = running.health().get("storage", {})
-    return found
+    content: dict[str, Any] = running.health().get("storage", {})
+    return content
 
 
 def wait_for(running: Daemon, *states: str) -> dict[str, Any]:
@@ -182,14 +182,14 @@ def test_a_medium_that_refuses_to_the_end_is_no_success(
         feeder.stop()
         output = "\n".join(running.lines)
         assert not any(line.startswith("recorded ") for line in running.lines)
-        found = re.search(r"not everything was recorded: (\d+) of (\d+) frames .* are lost: .*No space left", output)
-        assert found and 0 < int(found[1]) < int(found[2]), output
+        match = re.search(r"not everything was recorded: (\d+) of (\d+) frames .* are lost: .*No space left", output)
+        assert match and 0 < int(match[1]) < int(match[2]), output
         ledger = re.search(r"the last ledger is in (\S+)", output)
         assert ledger, output
         ledger_table = json.loads(Path(ledger[1]).read_text())
         assert ledger_table["final"] and ledger_table["links"]["eth"]["held_frames"] + ledger_table["links"]["line"][
             "held_frames"
-        ] == int(found[1])
+        ] == int(match[1])
         assert fti("verify", str(session)).returncode == 3
 
 

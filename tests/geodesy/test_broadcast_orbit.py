@@ -32,9 +32,9 @@ SECOND_OF_WEEK = 515_219.0  # Friday 2009-12-18, 23:06:59
 def test_places_and_clocks_are_those_of_rtklib() -> None:
     """Within 2 mm and 2 ps; the seconds of transmission are printed to a microsecond."""
     capture = (ROOT / "tests/captures/novatel_oemv_part1.gps").read_bytes()
-    found = novatel.make_decoder(novatel.Options()).feed(capture, 1)
-    known = {m.number: m for m in found if isinstance(m, Ephemeris)}
-    epoch = next(m for m in found if isinstance(m, Pseudoranges))
+    measurements = novatel.make_decoder(novatel.Options()).feed(capture, 1)
+    known = {m.number: m for m in measurements if isinstance(m, Ephemeris)}
+    epoch = next(m for m in measurements if isinstance(m, Pseudoranges))
     ranges = {o.number: o.pseudorange for o in epoch.observations if (o.system, o.signal) == ("gps", "L1C")}
     assert known.keys() == ranges.keys() == RTKLIB.keys()
     for number, (second, place, clock_ns) in RTKLIB.items():
@@ -62,5 +62,5 @@ def test_time_differences_cross_the_end_of_a_week() -> None:
 
 def test_the_earth_turns_eastward_under_the_light() -> None:
     """In 0.07 s a point at 26 560 km falls back by 136 m to the west: 7.292e-5 rad/s."""
-    found = rotate_with_earth(np.array([26_560_000.0, 0.0, 1.0]), 0.07)
-    assert found == pytest.approx([26_560_000.0, -135.57, 1.0], abs=0.01)
+    values = rotate_with_earth(np.array([26_560_000.0, 0.0, 1.0]), 0.07)
+    assert values == pytest.approx([26_560_000.0, -135.57, 1.0], abs=0.01)

@@ -56,11 +56,11 @@ def test_agrees_with_an_independent_reading_of_the_grid() -> None:
 
 @needs_egm96
 def test_shapes_and_places_that_are_none() -> None:
-    found = load_geoid("egm96").undulation(np.radians([[48.0], [np.nan], [91.0]]), np.radians([11.0, 371.0]))
-    assert found.shape == (3, 2)
-    assert found[0, 0] == pytest.approx(found[0, 1], abs=1e-9)
-    assert 40 < found[0, 0] < 50
-    assert np.isnan(found[1:]).all()
+    values = load_geoid("egm96").undulation(np.radians([[48.0], [np.nan], [91.0]]), np.radians([11.0, 371.0]))
+    assert values.shape == (3, 2)
+    assert values[0, 0] == pytest.approx(values[0, 1], abs=1e-9)
+    assert 40 < values[0, 0] < 50
+    assert np.isnan(values[1:]).all()
 
 
 def test_a_missing_grid_is_refused_where_proj_would_shift_by_nothing(tmp_path: Path) -> None:

@@ -119,18 +119,18 @@ def test_a_height_of_another_geoid_is_refused() -> None:
 
 
 def test_ten_hectopascals_are_83_m() -> None:
-    shown = reset_altimeter(Height(0.0, PRESSURE(101325.0)), 102325.0)
-    assert shown.metres == pytest.approx(83.0, abs=0.5)
-    assert shown.kind == PRESSURE(102325.0)
-    assert str(shown.kind) == "PRESSURE(1023.25 hPa)"
+    height = reset_altimeter(Height(0.0, PRESSURE(101325.0)), 102325.0)
+    assert height.metres == pytest.approx(83.0, abs=0.5)
+    assert height.kind == PRESSURE(102325.0)
+    assert str(height.kind) == "PRESSURE(1023.25 hPa)"
 
 
 def test_air_of_20_k_below_the_standard_costs_22_m_at_300_m() -> None:
     cold = Atmosphere(qnh=101325.0, deviation=-20.0)
-    shown = msl_to_pressure(Height(300.0, MSL("egm96")), cold, 101325.0)
-    assert shown.metres == pytest.approx(322.0, abs=0.5)
-    assert pressure_to_msl(shown, cold, "egm96").metres == pytest.approx(300.0, abs=1e-9)
-    standard = pressure_to_msl(shown, Atmosphere(), "egm96")  # who takes the air for standard
+    height = msl_to_pressure(Height(300.0, MSL("egm96")), cold, 101325.0)
+    assert height.metres == pytest.approx(322.0, abs=0.5)
+    assert pressure_to_msl(height, cold, "egm96").metres == pytest.approx(300.0, abs=1e-9)
+    standard = pressure_to_msl(height, Atmosphere(), "egm96")  # who takes the air for standard
     assert standard.metres == pytest.approx(322.0, abs=0.5)
 
 
@@ -143,8 +143,8 @@ def test_air_of_20_k_below_the_standard_costs_22_m_at_300_m() -> None:
 def test_pressure_and_back(metres: float, qnh: float, setting: float, deviation: float) -> None:
     """There and back through any setting: rounding alone, and the setting of the altimeter drops out."""
     air, height = Atmosphere(qnh, deviation, station=400.0), Height(metres, MSL("egm2008"))
-    shown = msl_to_pressure(height, air, setting)
-    for altimeter in (shown, reset_altimeter(shown, 101325.0)):
+    result = msl_to_pressure(height, air, setting)
+    for altimeter in (result, reset_altimeter(result, 101325.0)):
         assert pressure_to_msl(altimeter, air, "egm2008").metres == pytest.approx(metres, abs=1e-7)
 
 

@@ -28,8 +28,8 @@ PUBLISHED = [
 def test_the_field_is_the_published_one(
     year: float, height_km: float, lat_deg: float, lon_deg: float, north: float, east: float, down: float
 ) -> None:
-    found = magnetic_field_n(np.deg2rad(lat_deg), np.deg2rad(lon_deg), 1e3 * height_km, year)
-    np.testing.assert_allclose(1e9 * found, [[north, east, down]], atol=0.06)
+    values = magnetic_field_n(np.deg2rad(lat_deg), np.deg2rad(lon_deg), 1e3 * height_km, year)
+    np.testing.assert_allclose(1e9 * values, [[north, east, down]], atol=0.06)
 
 
 def test_many_points_at_once_are_the_same_as_one_by_one() -> None:

@@ -39,12 +39,12 @@ def sensor(driver: str, options: dict[str, Any] | None = None, **keys: object) -
     return SimulatedSensor(bound, MODELS[driver], environment(), seed=1)
 
 
-def samples(made: SimulatedSensor) -> list[list[Measurement]]:
-    return [made.measure(k, START_NS) for k in range(len(made.t))]
+def samples(result: SimulatedSensor) -> list[list[Measurement]]:
+    return [result.measure(k, START_NS) for k in range(len(result.t))]
 
 
-def ranges(made: SimulatedSensor) -> list[Range]:
-    return [m for sample in samples(made) for m in sample if isinstance(m, Range)]
+def ranges(result: SimulatedSensor) -> list[Range]:
+    return [m for sample in samples(result) for m in sample if isinstance(m, Range)]
 
 
 # ----------------------------------------------------------------------------------------------------------- laser
@@ -52,12 +52,12 @@ def ranges(made: SimulatedSensor) -> list[Range]:
 
 @pytest.mark.parametrize("driver", ["lightware_ascii", "lightware_binary"])
 def test_a_laser_measures_nine_times_a_second_with_its_noise(driver: str) -> None:
-    made = sensor(driver)
-    assert len(made.t) == pytest.approx(270, abs=1)
-    state = environment().state(made.t)
+    result = sensor(driver)
+    assert len(result.t) == pytest.approx(270, abs=1)
+    state = environment().state(result.t)
     height = state.alt - environment().ground(state)
     expected = height / (np.cos(state.roll) * np.cos(state.pitch))
-    error = np.array([m.slant_range for m in ranges(made)]) - expected
+    error = np.array([m.slant_range for m in ranges(result)]) - expected
     assert error.std() == pytest.approx(0.05, rel=0.4)
     assert abs(error.mean()) < 0.05
 
@@ -73,12 +73,12 @@ def test_the_beam_goes_along_the_mounting() -> None:
 
 
 def test_above_its_range_the_signal_is_lost_and_the_line_says_so() -> None:
-    made = sensor("lightware_ascii", altimeter={"kind": "laser", "range_m": (0.2, 200.0)})
-    first, last = ranges(made)[0], ranges(made)[-1]
+    result = sensor("lightware_ascii", altimeter={"kind": "laser", "range_m": (0.2, 200.0)})
+    first, last = ranges(result)[0], ranges(result)[-1]
     assert (first.valid, first.slant_range) == (False, None)
     assert last.valid
-    assert made.encoder.encode(first) == [b"130.00\r"]
-    (line,) = made.encoder.encode(last)
+    assert result.encoder.encode(first) == [b"130.00\r"]
+    (line,) = result.encoder.encode(last)
     decoder = lightware_ascii.make_decoder(lightware_ascii.Options(first_line="take"))
     (decoded,) = decoder.feed(line, 1)
     assert isinstance(decoded, Range)
@@ -133,26 +133,26 @@ def test_a_described_device_is_flown_with_what_its_fields_carry() -> None:
     ]
     line = "{static_air_temperature:.1f},{true_heading:.1f},{slant_range:.2f},{humidity:.1f}"
     options = {"line": line, "fields": fields, "first_line": "take"}
-    made = sensor("ascii_line", options)
-    assert len(made.t) == pytest.approx(300, abs=1)
-    lines = [line for sample in samples(made) for m in sample for line in made.encoder.encode(m)]
-    assert len(lines) == len(made.t)
+    result = sensor("ascii_line", options)
+    assert len(result.t) == pytest.approx(300, abs=1)
+    lines = [line for sample in samples(result) for m in sample for line in result.encoder.encode(m)]
+    assert len(lines) == len(result.t)
     module = drivers.load("ascii_line")
-    found = module.make_decoder(config.bind(module.Options, options, "test")).feed(b"".join(lines), 1)
-    temperatures = [m.static for m in found if isinstance(m, Temperature)]
-    headings = [m.heading for m in found if isinstance(m, Attitude)]
-    humidities = [m.value for m in found if isinstance(m, Reading)]
+    measurements = module.make_decoder(config.bind(module.Options, options, "test")).feed(b"".join(lines), 1)
+    temperatures = [m.static for m in measurements if isinstance(m, Temperature)]
+    headings = [m.heading for m in measurements if isinstance(m, Attitude)]
+    humidities = [m.value for m in measurements if isinstance(m, Reading)]
     assert all(t is not None and 270.0 < t < 300.0 for t in temperatures)
     assert all(h is not None and abs(math.degrees(h) - 250.0) < 15.0 for h in headings)
     assert all(h is not None and 20.0 <= h <= 60.0 for h in humidities)
-    assert len(temperatures) == len(headings) == len(humidities) == len(made.t)
+    assert len(temperatures) == len(headings) == len(humidities) == len(result.t)
 
 
 def test_a_described_radar_altimeter_measures_radio_height() -> None:
     fields = [{"name": "radio_height", "at": 1, "type": "u16", "unit": "ft"}]
-    made = sensor("binary_struct", {"sync": "a5", "length": 3, "fields": fields})
-    assert [m for m in samples(made)[-1] if isinstance(m, RadioHeight)]
-    assert not ranges(made)
+    result = sensor("binary_struct", {"sync": "a5", "length": 3, "fields": fields})
+    assert [m for m in samples(result)[-1] if isinstance(m, RadioHeight)]
+    assert not ranges(result)
 
 
 # ------------------------------------------------------------------------------------------------ the FMCW altimeter
@@ -167,8 +167,8 @@ def radar_heights(model: str | None, terrain: Terrain | None = None, **keys_of_s
     keys = {"kind": "radar", "range_m": (0.5, 762.0), "beam_deg": 40.0}
     device = Device.model_validate({"name": "device", "link": "l", "driver": "freeflight_ra4500", "altimeter": keys})
     module = drivers.load("freeflight_ra4500")
-    made = SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], there, seed=1)
-    heights = [m.height_agl for sample in samples(made) for m in sample if isinstance(m, RadioHeight)]
+    result = SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], there, seed=1)
+    heights = [m.height_agl for sample in samples(result) for m in sample if isinstance(m, RadioHeight)]
     return np.array([math.nan if height is None else height for height in heights])
 
 

@@ -35,14 +35,14 @@ def sensor(environment: Environment, **options: object) -> SimulatedSensor:
     return SimulatedSensor(BoundDevice(device, drivers.load("arinc429"), settings), ArincUnit, environment, 1)
 
 
-def decode_all(made: SimulatedSensor, **options: object) -> tuple[arinc429.Decoder, list[Measurement]]:
+def decode_all(result: SimulatedSensor, **options: object) -> tuple[arinc429.Decoder, list[Measurement]]:
     decoder = arinc429.make_decoder(bind(arinc429.Options, options, "test.toml"))
-    found: list[Measurement] = []
-    for k in range(0, len(made.t), 100):
-        for measurement in made.measure(k, START_NS):
-            for data in made.encoder.encode(measurement):
-                found += decoder.feed(data, k)
-    return decoder, found
+    measurements: list[Measurement] = []
+    for k in range(0, len(result.t), 100):
+        for measurement in result.measure(k, START_NS):
+            for data in result.encoder.encode(measurement):
+                measurements += decoder.feed(data, k)
+    return decoder, measurements
 
 
 @pytest.mark.parametrize("packets", ["none", "apmp", "chapter10"])
@@ -60,11 +60,11 @@ def test_every_label_of_every_set_is_played(environment: Environment, name: str,
 
 def test_the_radar_altimeter_of_a_set_with_steps_says_how_coarse_it_is(environment: Environment) -> None:
     options = {"set": "freeflight_ra4500"}
-    found = [
+    measurements = [
         m for m in decode_all(sensor(environment, **options), **options)[1] if isinstance(m, RadioHeight) and m.valid
     ]
-    assert found
-    for m in found:
+    assert measurements
+    for m in measurements:
         assert m.height_agl is not None
         step = quantisation_step_ft(m.height_agl / FOOT)
         assert m.sd == pytest.approx(step * FOOT / math.sqrt(12))
@@ -72,11 +72,11 @@ def test_the_radar_altimeter_of_a_set_with_steps_says_how_coarse_it_is(environme
 
 
 def test_a_position_with_fine_words_is_good_to_centimetres_on_the_wire(environment: Environment) -> None:
-    made = sensor(environment, set="gnss_743a")
-    (position,) = [m for m in made.measure(0, START_NS) if isinstance(m, Position)]
+    result = sensor(environment, set="gnss_743a")
+    (position,) = [m for m in result.measure(0, START_NS) if isinstance(m, Position)]
     decoder = arinc429.make_decoder(arinc429.Options(set="gnss_743a"))
-    found = decoder.feed(b"".join(made.encoder.encode(position)), 1)
-    (lat,) = [m.lat for m in found if isinstance(m, Position) and m.lat is not None]
+    measurements = decoder.feed(b"".join(result.encoder.encode(position)), 1)
+    (lat,) = [m.lat for m in measurements if isinstance(m, Position) and m.lat is not None]
     assert position.lat is not None
     assert abs(lat - position.lat) * 6.4e6 < 0.01
 
@@ -86,11 +86,11 @@ def test_deviations_are_those_of_the_approach(environment: Environment) -> None:
     t = np.linspace(0.0, 20.0, 400)
     state = environment.state(t)
     receiver = IlsReceiver(state, environment, t, np.random.default_rng(1))
-    found = [m for k in range(len(t)) for m in receiver.measure(k, Stamp(0)) if isinstance(m, Deviation)]
+    measurements = [m for k in range(len(t)) for m in receiver.measure(k, Stamp(0)) if isinstance(m, Deviation)]
     s, y = environment.path.to_path(state.lat, state.lon)
     above = state.alt - environment.path.alt_path(s)
-    localizer = np.array([m.localizer_ddm for m in found])
-    glide = np.array([m.glide_slope_ddm for m in found])
+    localizer = np.array([m.localizer_ddm for m in measurements])
+    glide = np.array([m.glide_slope_ddm for m in measurements])
     assert np.std(localizer) < 0.1
     np.testing.assert_allclose(localizer, -0.00145 * y, atol=0.03 + 0.5 * 0.00145 * np.abs(y).max())
     expected = 0.0875 * np.arctan2(above, s) / (0.12 * environment.path.glide)
@@ -98,9 +98,9 @@ def test_deviations_are_those_of_the_approach(environment: Environment) -> None:
 
 
 def test_readings_fit_together(environment: Environment) -> None:
-    made = sensor(environment, set="air_data")
-    readings = {m.name: m for m in made.measure(3, START_NS) if isinstance(m, Reading)}
+    result = sensor(environment, set="air_data")
+    readings = {m.name: m for m in result.measure(3, START_NS) if isinstance(m, Reading)}
     assert readings["total_pressure"].unit == "Pa"
-    assert readings["mach"].value == pytest.approx(environment.state(made.t[3:4]).tas[0] / 340.0, rel=0.03)
+    assert readings["mach"].value == pytest.approx(environment.state(result.t[3:4]).tas[0] / 340.0, rel=0.03)
     assert readings["normal_acceleration"].value == pytest.approx(9.8, abs=1.5)
-    assert next(m.station for m in made.measure(3, START_NS) if isinstance(m, DmeRange)) == "dme_1"
+    assert next(m.station for m in result.measure(3, START_NS) if isinstance(m, DmeRange)) == "dme_1"

@@ -51,20 +51,20 @@ def counts(seed: int = 1, surface: str = SURFACE, **settings: float) -> Array:
 def test_raw_counts_are_the_table_read_backwards_with_noise() -> None:
     device = Device.model_validate({"name": "pickups", "link": "bus", "driver": "deflection_pickups"})
     bound = BoundDevice(device, drivers.load("deflection_pickups"), deflection_pickups.Options())
-    made = SimulatedSensor(bound, MODELS["deflection_pickups"], environment(**PERFECT), 1)
-    measurements = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
+    sensor = SimulatedSensor(bound, MODELS["deflection_pickups"], environment(**PERFECT), 1)
+    measurements = [m for k in range(len(sensor.t)) for m in sensor.measure(k, 0)]
     samples = [m for m in measurements if isinstance(m, SurfaceDeflection)]
-    assert len(samples) == 10 * len(made.t)
+    assert len(samples) == 10 * len(sensor.t)
     decoder = deflection_pickups.make_decoder(deflection_pickups.Options())
     decoded = [
         m
         for sample in samples
         if sample.surface == "flaps"
-        for frame in made.encoder.encode(sample)
+        for frame in sensor.encoder.encode(sample)
         for m in decoder.feed(frame, sample.stamp.t_rx_ns)
     ]
     angles = [m.deflection for m in decoded if isinstance(m, SurfaceDeflection) and m.deflection is not None]
-    errors = np.degrees(angles) - flap_angle_deg(made.t)
+    errors = np.degrees(angles) - flap_angle_deg(sensor.t)
     assert errors.std() == pytest.approx(1.5 * 44.0 / 3584.0, rel=0.2)  # counts times degrees a count
     assert abs(errors.mean()) < 0.01
 

@@ -41,14 +41,14 @@ FAULTS: tuple[Fault, ...] = (
 
 def fly_prepared(line: DevicePipeline, depth: int = 5) -> Flight:
     """Messages are made as soon as those before them have left, so many at once."""
-    found: Flight = []
+    flight: Flight = []
     while (t := line.due_s()) is not None:
         if line.unprepared_s == line.cycle_s:
             for _ in range(depth):
                 line.prepare_cycle(START_NS)
         if messages := line.step(START_NS):
-            found.append((t, messages))
-    return found
+            flight.append((t, messages))
+    return flight
 
 
 @pytest.mark.parametrize("name", DEVICES)

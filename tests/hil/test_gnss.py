@@ -54,8 +54,8 @@ def receiver(seed: int = 1) -> SimulatedSensor:
     )
 
 
-def measured(made: SimulatedSensor) -> list[Measurement]:
-    return [m for k in range(len(made.t)) for m in made.measure(k, START_NS)]
+def measured(sensor: SimulatedSensor) -> list[Measurement]:
+    return [m for k in range(len(sensor.t)) for m in sensor.measure(k, START_NS)]
 
 
 def test_orbits_have_their_period_and_inclination() -> None:
@@ -128,10 +128,10 @@ def test_the_pseudoranges_give_the_position_and_the_clock_back(monkeypatch: pyte
     """Without the atmosphere, which the height would take most of, there is code noise of less than a metre."""
     monkeypatch.setattr(RawReceiver, "TROPOSPHERE", 0.0)
     monkeypatch.setattr(RawReceiver, "IONOSPHERE", 0.0)
-    made = receiver()
-    found = measured(made)
-    raw = next(m for m in found if isinstance(m, Pseudoranges))
-    clock = next(m for m in found if isinstance(m, ReceiverClock))
+    sensor = receiver()
+    measurements = measured(sensor)
+    raw = next(m for m in measurements if isinstance(m, Pseudoranges))
+    clock = next(m for m in measurements if isinstance(m, ReceiverClock))
     truth = environment().state(np.array([(raw.stamp.t_rx_ns - START_NS) / 1e9]))
     here = ecef_from_geodetic(truth.lat, truth.lon, truth.alt)[0]
     place, offset = solve(raw, here + 1000.0)
@@ -158,16 +158,16 @@ def test_doppler_and_phase_follow_the_pseudorange() -> None:
 
 
 def test_what_goes_over_the_line_is_what_was_measured() -> None:
-    made = receiver()
+    sensor = receiver()
     decoder = ublox_ubx.make_decoder(ublox_ubx.Options())
-    measurements = measured(made)
-    stream = b"".join(data for m in measurements for data in made.encoder.encode(m))
-    found = decoder.feed(stream, 1)
+    measurements = measured(sensor)
+    stream = b"".join(data for m in measurements for data in sensor.encoder.encode(m))
+    results = decoder.feed(stream, 1)
     assert decoder.counters.messages == {"NAV-PVT": 60, "NAV-SAT": 30, "NAV-CLOCK": 30, "RXM-RAWX": 30}
     assert not decoder.counters.skipped
 
     def both(kind: type[Measurement]) -> list[tuple[Measurement, Measurement]]:
-        lists = ([m for m in ms if isinstance(m, kind)] for ms in (measurements, found))
+        lists = ([m for m in ms if isinstance(m, kind)] for ms in (measurements, results))
         return list(zip(*lists, strict=True))
 
     for ours, back in both(Position):
@@ -194,18 +194,18 @@ def test_each_glonass_slot_has_its_channel_on_the_line() -> None:
 @pytest.mark.parametrize(("nth", "clocks"), [(1, 30), (2, 30), (6, 10)])
 def test_rates_are_counted_in_solutions(nth: int, clocks: int) -> None:
     """Two solutions a second for half a minute; the sky and the clock are there once a second."""
-    made = receiver()
+    sensor = receiver()
     for name, rate in (("NAV-PVT", 3), ("NAV-CLOCK", nth), ("NAV-SAT", 0), ("RXM-RAWX", 0)):
-        made.encoder.respond(ublox_ubx.command("message", {"name": name, "rate": str(rate)}))
+        sensor.encoder.respond(ublox_ubx.command("message", {"name": name, "rate": str(rate)}))
     decoder = ublox_ubx.make_decoder(ublox_ubx.Options())
-    decoder.feed(b"".join(data for m in measured(made) for data in made.encoder.encode(m)), 1)
+    decoder.feed(b"".join(data for m in measured(sensor) for data in sensor.encoder.encode(m)), 1)
     assert decoder.counters.messages == {"NAV-PVT": 20, "NAV-CLOCK": clocks}
 
 
 def test_a_second_has_one_sky_and_one_clock_which_stays_within_half_a_millisecond() -> None:
-    found = measured(receiver(seed=3))
-    clocks = [m for m in found if isinstance(m, ReceiverClock)]
-    assert len(clocks) == len([m for m in found if isinstance(m, Satellites) and m.satellites]) == 30
+    measurements = measured(receiver(seed=3))
+    clocks = [m for m in measurements if isinstance(m, ReceiverClock)]
+    assert len(clocks) == len([m for m in measurements if isinstance(m, Satellites) and m.satellites]) == 30
     assert all(abs(c.offset or 0.0) <= 0.5e-3 for c in clocks)
     assert (clocks[-1].offset or 0.0) - (clocks[0].offset or 0.0) == pytest.approx(
         29 * (clocks[0].drift or 0.0), rel=0.2
@@ -215,9 +215,9 @@ def test_a_second_has_one_sky_and_one_clock_which_stays_within_half_a_millisecon
 def test_gpsd_reads_the_emulated_receiver() -> None:
     if not shutil.which("gpsdecode"):
         pytest.skip("gpsdecode (Debian: gpsd-clients) is not installed; it is the independent decoder")
-    made = receiver()
-    measurements = measured(made)
-    stream = b"".join(data for m in measurements for data in made.encoder.encode(m))
+    sensor = receiver()
+    measurements = measured(sensor)
+    stream = b"".join(data for m in measurements for data in sensor.encoder.encode(m))
     done = subprocess.run(["gpsdecode"], input=stream, capture_output=True, check=True, timeout=120)
     reports = [json.loads(line) for line in done.stdout.splitlines()]
     places = {(r["lat"], r["lon"], r["altHAE"]) for r in reports if r["class"] == "TPV" and "lat" in r}

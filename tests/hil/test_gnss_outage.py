@@ -73,12 +73,12 @@ def outside(driver: str) -> list[Sample]:
     return [s for s in samples(driver) if 1.0 < s.t < FROM_S or s.t > TO_S + REACQUIRE_S]
 
 
-def stream(found: list[Sample]) -> bytes:
-    return b"".join(message for sample in found for message in sample.messages)
+def stream(results: list[Sample]) -> bytes:
+    return b"".join(message for sample in results for message in sample.messages)
 
 
-def of(found: list[Sample], kind: type[M]) -> list[M]:
-    return [m for sample in found for m in sample.found if isinstance(m, kind)]
+def of(results: list[Sample], kind: type[M]) -> list[M]:
+    return [m for sample in results for m in sample.found if isinstance(m, kind)]
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
@@ -133,8 +133,8 @@ def test_nothing_is_observed_and_the_sky_is_still_known(driver: str) -> None:
 
 
 def test_a_unit_on_arinc_429_computes_neither_dilution_nor_limits() -> None:
-    def readings(found: list[Sample], name: str) -> list[Reading]:
-        return [m for m in of(found, Reading) if m.name == name]
+    def readings(results: list[Sample], name: str) -> list[Reading]:
+        return [m for m in of(results, Reading) if m.name == name]
 
     for name in ("hdop", "vdop", "horizontal_integrity_limit", "vertical_integrity_limit"):
         assert readings(during("arinc429"), name)

@@ -91,8 +91,8 @@ def walls(half_width_m: float, begin_m: float, end_m: float, height_m: float, le
 
 def test_what_it_states_is_how_wrong_it_is() -> None:
     """One sample of each of 40 flights: squares over the variances stated are those of one degree of freedom each."""
-    found = [at_first(seed) for seed in range(40)]
-    normed = np.array([error / sd[[0, 0, 1]] for error, sd in found])
+    rows = [at_first(seed) for seed in range(40)]
+    normed = np.array([error / sd[[0, 0, 1]] for error, sd in rows])
     assert np.mean(normed**2, axis=0).mean() == pytest.approx(1.0, abs=4 * math.sqrt(2.0 / 120.0))
     assert abs(normed.mean()) < 4 / math.sqrt(120.0)
 
@@ -132,8 +132,8 @@ def test_a_wall_hides_what_stands_lower_than_its_edge() -> None:
     edge = np.arctan2(2900.0, 400.0 / np.sin(aside))
     for above, hidden in ((-0.02, True), (0.02, False)):
         az, el = (course + aside)[None, :] % (2 * math.pi), (edge + above)[None, :]
-        found = terrain_mask(terrain, place, az, el, np.ones_like(az, dtype=bool))
-        assert (found == hidden).all()
+        mask = terrain_mask(terrain, place, az, el, np.ones_like(az, dtype=bool))
+        assert (mask == hidden).all()
     level = np.full((1, len(aside)), 0.1)
     along = terrain_mask(terrain, place, np.full_like(level, course), level, np.ones_like(level, dtype=bool))
     assert not along.any()  # along the gorge

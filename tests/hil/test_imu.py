@@ -78,9 +78,9 @@ def turned(instrument: Instrument, rate: float) -> Array:
 def test_a_rate_table_finds_scale_misalignment_and_skew() -> None:
     """Axes turned by yaw see a rotation about x as -yaw on y, one about y as +yaw on x; a bias cancels."""
     scale, angles, skew = np.array([0.01, 0.0, -0.02]), np.array([0.0, 0.0, 0.001]), np.array([0.0, 0.0, 0.003])
-    found = turned(Instrument(PERFECT, np.array([0.1, 0.2, 0.3]), mat_of(scale, angles, skew)), math.radians(50.0))
+    values = turned(Instrument(PERFECT, np.array([0.1, 0.2, 0.3]), mat_of(scale, angles, skew)), math.radians(50.0))
     expected = [[1.01, 0.00101, 0.0], [-0.001, 1.0, 0.0], [0.0, 0.003 * 0.98, 0.98]]
-    np.testing.assert_allclose(found, expected, atol=4e-6)
+    np.testing.assert_allclose(values, expected, atol=4e-6)
 
 
 def test_drawn_matrices_are_as_large_as_stated() -> None:

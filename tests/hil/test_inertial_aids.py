@@ -61,11 +61,11 @@ def system(options: ix.Options) -> SimulatedSensor:
 def line(logs: dict[str, int]) -> tuple[Decoder, list[Measurement]]:
     """What a decoder makes of the line of an emulated system that sends these."""
     sensor, decoder = system(ix.Options(logs=logs)), ix.make_decoder(ix.Options())
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     for k in range(len(sensor.t)):
         stream = [data for m in sensor.measure(k, START_NS) for data in sensor.encoder.encode(m)]
-        found += decoder.feed(b"".join(stream), START_NS + k)
-    return decoder, found
+        measurements += decoder.feed(b"".join(stream), START_NS + k)
+    return decoder, measurements
 
 
 @cache
@@ -73,8 +73,8 @@ def everything() -> tuple[Decoder, list[Measurement]]:
     return line(EVERYTHING)
 
 
-def first(kind: type, found: list[Measurement]) -> Measurement:
-    return next(m for m in found if isinstance(m, kind))
+def first(kind: type, measurements: list[Measurement]) -> Measurement:
+    return next(m for m in measurements if isinstance(m, kind))
 
 
 def test_messages_are_as_many_as_their_dividers_say() -> None:

@@ -43,16 +43,16 @@ def system(flown_in: Environment, seed: int = 1, rate_hz: float = 10.0) -> Simul
     return SimulatedSensor(bound, MODELS["imar_ixcom"], flown_in, seed)
 
 
-def solution(made: SimulatedSensor) -> tuple[list[Position], list[Velocity]]:
-    measurements = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
+def solution(sensor: SimulatedSensor) -> tuple[list[Position], list[Velocity]]:
+    measurements = [m for k in range(len(sensor.t)) for m in sensor.measure(k, 0)]
     return [m for m in measurements if isinstance(m, Position)], [m for m in measurements if isinstance(m, Velocity)]
 
 
-def errors(made: SimulatedSensor) -> tuple[Array, Array]:
+def errors(sensor: SimulatedSensor) -> tuple[Array, Array]:
     """Errors northwards, eastwards, upwards [m] of every sample, shape (n, 3), and their stated sigma."""
-    positions, _ = solution(made)
-    state = environment().state(made.t)
-    lat, lon, alt = position_at(state, made.bound.device.lever_arm_b)
+    positions, _ = solution(sensor)
+    state = environment().state(sensor.t)
+    lat, lon, alt = position_at(state, sensor.bound.device.lever_arm_b)
     found = np.array([(p.lat, p.lon, p.alt) for p in positions]) - np.stack([lat, lon, alt], axis=1)
     found[:, :2] *= SEMI_MAJOR * np.stack([np.ones_like(lat), np.cos(lat)], axis=1)
     return found, np.array([(p.horizontal_sd, p.horizontal_sd, p.vertical_sd) for p in positions])
@@ -64,9 +64,9 @@ SYSTEMS = 8
 @cache
 def left_alone(grade: GradeName) -> tuple[Array, Array]:
     """Errors and their sigma of several systems that are alone, shape (systems, n, 3)."""
-    made = [system(environment(grade, "free"), seed, rate_hz=5.0) for seed in range(SYSTEMS)]
-    alone = made[0].t > FREE_FROM_S + 1.0
-    results = [errors(one) for one in made]
+    sensors = [system(environment(grade, "free"), seed, rate_hz=5.0) for seed in range(SYSTEMS)]
+    alone = sensors[0].t > FREE_FROM_S + 1.0
+    results = [errors(one) for one in sensors]
     return np.array([found[alone] for found, _ in results]), np.array([sd[alone] for _, sd in results])
 
 
@@ -83,9 +83,9 @@ def test_alone_its_errors_grow_as_it_says(grade: GradeName) -> None:
 def test_a_better_unit_drifts_less() -> None:
     order: tuple[GradeName, ...] = ("navigation", "tactical", "mems")
     stated = [left_alone(grade)[1][0, -1, 0] for grade in order]
-    found = [np.sqrt(np.mean(left_alone(grade)[0][:, -1, :2] ** 2)) for grade in order]
+    values = [np.sqrt(np.mean(left_alone(grade)[0][:, -1, :2] ** 2)) for grade in order]
     assert stated == sorted(stated)
-    assert found == sorted(found)
+    assert values == sorted(values)
     assert stated[0] < 15.0 < 40.0 < stated[2]
 
 
@@ -106,27 +106,27 @@ def test_the_unit_is_sampled_often_enough_whatever_is_sent() -> None:
 
 def test_an_outage_of_its_receiver_leaves_it_alone_until_there_is_a_fix_again() -> None:
     outage = GnssOutage(kind="gnss_outage", from_s=20.0, to_s=50.0)
-    made = system(world(duration_s=DURATION_S, fault=(outage,)))
-    _, sd = errors(made)
-    alone = (made.t >= 20.0) & (made.t < 50.0 + REACQUIRE_S)
+    sensor = system(world(duration_s=DURATION_S, fault=(outage,)))
+    _, sd = errors(sensor)
+    alone = (sensor.t >= 20.0) & (sensor.t < 50.0 + REACQUIRE_S)
     assert sd[~alone, 0] == pytest.approx(drift_sigmas("navigation").position)
     assert sd[alone, 0].max() > 2.0
     assert (np.diff(sd[alone, 0]) > 0.0).all()
 
 
-def line(made: SimulatedSensor) -> list[Measurement]:
+def line(sensor: SimulatedSensor) -> list[Measurement]:
     decoder = ix.make_decoder(ix.Options())
-    messages = (data for k in range(len(made.t)) for m in made.measure(k, 0) for data in made.encoder.encode(m))
+    messages = (data for k in range(len(sensor.t)) for m in sensor.measure(k, 0) for data in sensor.encoder.encode(m))
     return [m for n, data in enumerate(messages) for m in decoder.feed(data, n)]
 
 
 def test_the_footer_of_its_messages_says_that_satellites_are_missing() -> None:
     outage = GnssOutage(kind="gnss_outage", devices=("ins",), from_s=20.0, to_s=30.0)
-    made = system(world(duration_s=40.0, fault=(outage,)))
-    flags = [set(m.flags) for m in line(made) if isinstance(m, DeviceStatus)]
+    sensor = system(world(duration_s=40.0, fault=(outage,)))
+    flags = [set(m.flags) for m in line(sensor) if isinstance(m, DeviceStatus)]
     assert any({"gnss_invalid", "position_medium"} <= f for f in flags)
     assert "gnss_invalid" not in flags[-1]
-    assert all(p.valid for p in line(made) if isinstance(p, Position))
+    assert all(p.valid for p in line(sensor) if isinstance(p, Position))
 
 
 def test_another_devices_outage_is_not_its_own() -> None:

@@ -24,10 +24,10 @@ MICROSECOND_MS = 1e-3
 
 
 def histogram(late_s: list[float]) -> LatencyHistogram:
-    made = LatencyHistogram()
+    result = LatencyHistogram()
     for late in late_s:
-        made.add(late)
-    return made
+        result.add(late)
+    return result
 
 
 @given(st.lists(st.floats(0.0, 2000.0), min_size=1, max_size=300))
@@ -43,13 +43,13 @@ def test_percentiles_are_upper_bounds_and_near(late_s: list[float]) -> None:
 
 
 def test_its_memory_does_not_grow() -> None:
-    made = histogram([10.0**k for k in range(-9, 9)])
-    assert len(made._counts) == BINS
+    result = histogram([10.0**k for k in range(-9, 9)])
+    assert len(result._counts) == BINS
 
 
 def test_early_is_punctual() -> None:
-    found = histogram([-1.0, -1e-9]).summary
-    assert (found.messages, found.p50_ms, found.max_ms) == (2, 0.0, 0.0)
+    latency_summary = histogram([-1.0, -1e-9]).summary
+    assert (latency_summary.messages, latency_summary.p50_ms, latency_summary.max_ms) == (2, 0.0, 0.0)
     assert LatencyHistogram().summary.messages == 0
 
 
@@ -60,10 +60,10 @@ def test_merged_is_as_if_all_had_been_added_to_one(parts: list[list[float]]) -> 
 
 
 def meter(late_ms: float, hz: float = 100.0, name: str = "ins", link: str = "eth") -> Meter:
-    made = Meter(name, link, hz)
+    result = Meter(name, link, hz)
     for k in range(101):
-        made.note(k / hz, 1e-3 * late_ms)
-    return made
+        result.note(k / hz, 1e-3 * late_ms)
+    return result
 
 
 @pytest.mark.parametrize(("late_ms", "held"), [(0.1, True), (4.6, True), (5.1, False), (40.0, False)])
@@ -117,8 +117,10 @@ def test_a_line_that_is_too_slow_is_no_rate_that_holds() -> None:
 
 
 def test_the_lateness_of_a_link_is_that_of_all_its_devices() -> None:
-    found = lateness_by_link([meter(1.0, link="b"), meter(3.0, link="a"), meter(30.0, name="other", link="b")])
-    assert {name: (late.messages, late.max_ms) for name, late in found.items()} == {
+    latency_summaries = lateness_by_link(
+        [meter(1.0, link="b"), meter(3.0, link="a"), meter(30.0, name="other", link="b")]
+    )
+    assert {name: (late.messages, late.max_ms) for name, late in latency_summaries.items()} == {
         "a": (101, 3.0),
         "b": (202, 30.0),
     }

@@ -46,8 +46,8 @@ def fields(drawn: Drawn, rpy_bs_deg: tuple[float, float, float] = (0.0, 0.0, 0.0
     driver = drivers.load("honeywell_hmr2300")
     bound = BoundDevice(device, driver, driver.Options())
     model = Magnetometer(bound, environment(drawn), T, np.random.default_rng(seed))
-    found = [m for k in range(len(T)) for m in model.measure(k, Stamp(k)) if isinstance(m, MagneticField)]
-    return np.array([m.field_b for m in found])
+    measurements = [m for k in range(len(T)) for m in model.measure(k, Stamp(k)) if isinstance(m, MagneticField)]
+    return np.array([m.field_b for m in measurements])
 
 
 @cache

@@ -37,8 +37,8 @@ def unit(*faults: Breaker | BrownOut) -> tuple[PowerUnit, list[tuple[str, float]
 
 def states(power: PowerUnit, t: float) -> tuple[B, B]:
     power.is_on("a", t)
-    found = power.states()
-    return found["a"], found["b"]
+    breaker_states = power.states()
+    return breaker_states["a"], breaker_states["b"]
 
 
 # ------------------------------------------------------------------------------------------------- of the scenario
@@ -212,7 +212,7 @@ def test_the_unit_says_how_the_breakers_of_the_flight_stand() -> None:
     assert pdu.encoder.respond(driver.command("trip", {"breaker": "gnss"}))
     assert power.states() == {"gnss": B.TRIPPED}
     decoder = driver.make_decoder(driver.Options())
-    found = [
+    measurements = [
         m for restarts in pdu.measure(0, 0) for line in pdu.encoder.encode(restarts) for m in decoder.feed(line, 1)
     ]
-    assert [m.flags for m in found if isinstance(m, DeviceStatus)] == [("gnss_tripped",)]
+    assert [m.flags for m in measurements if isinstance(m, DeviceStatus)] == [("gnss_tripped",)]

@@ -269,11 +269,11 @@ def test_a_snapshot_session_is_sent_at_its_own_times(tmp_path: Path) -> None:
     session = record_snapshots(tmp_path, CONFIG, recorded)
     for place, parts in zip([session, *SessionFolder(session).files("snapshot")], (PARTS, *zip(PARTS)), strict=True):
         expected = part_of(recorded, *parts)
-        found = list(Recording.open(place).frames())
-        assert [frame for frame in found if frame.link != TICK_LINK] == expected
+        raw_frames = list(Recording.open(place).frames())
+        assert [frame for frame in raw_frames if frame.link != TICK_LINK] == expected
         begin_ns = expected[0].t_rx_ns
-        assert due_of(found) == pytest.approx([(frame.t_rx_ns - begin_ns) / 1e9 for frame in expected])
-        assert due_of(found, from_s=0.02)[0] == pytest.approx(0.0, abs=0.0011)
+        assert due_of(raw_frames) == pytest.approx([(frame.t_rx_ns - begin_ns) / 1e9 for frame in expected])
+        assert due_of(raw_frames, from_s=0.02)[0] == pytest.approx(0.0, abs=0.0011)
 
 
 @pytest.mark.parametrize("which", ["session", "file"])

@@ -45,17 +45,17 @@ def test_latency_is_that_of_the_scenario_before_that_of_the_configuration() -> N
 
 
 def test_jitter_has_the_size_asked_for_and_never_makes_a_message_early() -> None:
-    made = sensor(rate_hz=100.0, latency_ms=0.0, jitter_ms=2.0)
-    waited = made.due - made.t
+    result = sensor(rate_hz=100.0, latency_ms=0.0, jitter_ms=2.0)
+    waited = result.due - result.t
     assert waited.min() >= 0.0
     assert np.sqrt(np.mean(waited**2)) == pytest.approx(0.002, rel=0.1)
 
 
 @pytest.mark.parametrize("rate_hz", [1, 3, 7, 25, 333, 999, 1000])
 def test_any_rate_down_to_a_period_of_1_ms_is_held(rate_hz: int) -> None:
-    made = sensor(rate_hz=rate_hz, shift_ms=0.0, drift_ppm=0.0, jitter_ms=0.0)
-    assert len(made.t) == rate_hz * DURATION_S
-    np.testing.assert_allclose(made.t, np.arange(len(made.t)) / rate_hz, atol=1e-9)
+    result = sensor(rate_hz=rate_hz, shift_ms=0.0, drift_ppm=0.0, jitter_ms=0.0)
+    assert len(result.t) == rate_hz * DURATION_S
+    np.testing.assert_allclose(result.t, np.arange(len(result.t)) / rate_hz, atol=1e-9)
 
 
 def test_other_devices_and_what_is_not_set_stay_as_they_were() -> None:

@@ -59,8 +59,8 @@ def sensor(
     return SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS[driver], there or environment(), seed)
 
 
-def all_of(made: SimulatedSensor, kind: type[M]) -> list[M]:
-    samples = [m for k in range(len(made.t)) for m in made.measure(k, START_NS)]
+def all_of(result: SimulatedSensor, kind: type[M]) -> list[M]:
+    samples = [m for k in range(len(result.t)) for m in result.measure(k, START_NS)]
     return [m for m in samples if isinstance(m, kind)]
 
 
@@ -73,9 +73,9 @@ def test_every_driver_has_a_model() -> None:
 
 @pytest.mark.parametrize("driver", sorted(MODELS))
 def test_rate_is_the_configured_one_and_the_default_the_models(driver: str) -> None:
-    made = sensor(driver, rate_hz=7)
-    assert len(made.t) == pytest.approx(60 * 7, abs=1)
-    np.testing.assert_allclose(np.diff(made.t), 1 / 7, rtol=2e-4)
+    result = sensor(driver, rate_hz=7)
+    assert len(result.t) == pytest.approx(60 * 7, abs=1)
+    np.testing.assert_allclose(np.diff(result.t), 1 / 7, rtol=2e-4)
     assert len(sensor(driver).t) == pytest.approx(60 * MODELS[driver].rate_hz, abs=1)
 
 
@@ -86,18 +86,18 @@ def test_a_fast_clock_samples_more_often() -> None:
 
 
 def test_phases_and_drifts_differ_between_devices_and_seeds_and_repeat() -> None:
-    made = [sensor("nmea0183", name, seed) for name in ("a", "b") for seed in (1, 2)]
-    assert len({round(s.t[0], 6) for s in made}) == 4
-    assert len({round(s.drift_ppm, 6) for s in made}) == 4
-    np.testing.assert_array_equal(made[0].t, sensor("nmea0183", "a", 1).t)
+    sensors = [sensor("nmea0183", name, seed) for name in ("a", "b") for seed in (1, 2)]
+    assert len({round(s.t[0], 6) for s in sensors}) == 4
+    assert len({round(s.drift_ppm, 6) for s in sensors}) == 4
+    np.testing.assert_array_equal(sensors[0].t, sensor("nmea0183", "a", 1).t)
 
 
 def test_a_message_leaves_after_its_latency_and_in_order() -> None:
-    made = sensor("freeflight_ra4500", latency_ms=30.0)
-    late = made.due - made.t
+    result = sensor("freeflight_ra4500", latency_ms=30.0)
+    late = result.due - result.t
     assert late.min() >= 0.030
     assert np.median(late) == pytest.approx(0.030, abs=0.001)
-    assert (np.diff(made.due) > 0).all()
+    assert (np.diff(result.due) > 0).all()
 
 
 def test_stamps_are_the_sample_times_in_the_scale_of_the_device() -> None:
@@ -131,23 +131,23 @@ def spread(driver: str, error_of: str) -> float:
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
-def north_error(made: SimulatedSensor) -> Array:
-    found = all_of(made, Position)
+def north_error(result: SimulatedSensor) -> Array:
+    found = all_of(result, Position)
     return (np.array([p.lat for p in found]) - environment().state(times(found)).lat) * SEMI_MAJOR
 
 
-def height_error(made: SimulatedSensor) -> Array:
-    found = all_of(made, Position)
+def height_error(result: SimulatedSensor) -> Array:
+    found = all_of(result, Position)
     return np.array([p.alt for p in found]) - environment().state(times(found)).alt
 
 
-def roll_error(made: SimulatedSensor) -> Array:
-    found = all_of(made, Attitude)
+def roll_error(result: SimulatedSensor) -> Array:
+    found = all_of(result, Attitude)
     return np.array([a.roll for a in found]) - environment().state(times(found)).roll
 
 
-def times(found: Sequence[Measurement]) -> Array:
-    return np.array([(m.stamp.t_rx_ns - START_NS) * 1e-9 for m in found])
+def times(measurements: Sequence[Measurement]) -> Array:
+    return np.array([(m.stamp.t_rx_ns - START_NS) * 1e-9 for m in measurements])
 
 
 ERRORS = {"north": north_error, "height": height_error, "roll": roll_error}
@@ -193,9 +193,9 @@ def test_a_lever_arm_has_the_velocity_of_its_place(arm: tuple[float, float, floa
     there = [ecef_from_geodetic(*position_at(stepping().state(t + correlation), arm)) for correlation in (0.01, -0.01)]
     state = stepping().state(t)
     moved_n = np.einsum("nji,nj->ni", mat_en(state.lat, state.lon), (there[0] - there[1]) / 0.02)
-    found = velocity_at(state, arm)
-    assert np.abs(found - state.vel_n).max() > 0.15
-    np.testing.assert_allclose(found, moved_n, atol=1e-3)
+    values = velocity_at(state, arm)
+    assert np.abs(values - state.vel_n).max() > 0.15
+    np.testing.assert_allclose(values, moved_n, atol=1e-3)
 
 
 @cache
@@ -225,9 +225,9 @@ def test_velocity_says_the_same_in_components_and_as_track() -> None:
 
 
 def test_radar_noise_is_white_and_of_its_size() -> None:
-    made = sensor("freeflight_ra4500", altimeter=RADAR.model_dump())
-    heights = np.array([m.height_agl for m in all_of(made, RadioHeight)])
-    state = environment().state(made.t)
+    result = sensor("freeflight_ra4500", altimeter=RADAR.model_dump())
+    heights = np.array([m.height_agl for m in all_of(result, RadioHeight)])
+    state = environment().state(result.t)
     noise = np.diff(heights - (state.alt - environment().ground(state)), n=2) / math.sqrt(6.0)  # trends go
     assert noise.std() == pytest.approx(0.3, rel=0.2)
 
@@ -249,10 +249,10 @@ def test_only_altimeters_measure_ranges() -> None:
 
 
 def test_air_data_fits_together() -> None:
-    made = sensor("canaerospace")
-    pressure, impact = all_of(made, StaticPressure)[9], all_of(made, ImpactPressure)[9]
-    speed, altitudes = all_of(made, Airspeed)[9], all_of(made, PressureAltitude)[18:20]
-    state = environment().state(made.t[9:10])
+    result = sensor("canaerospace")
+    pressure, impact = all_of(result, StaticPressure)[9], all_of(result, ImpactPressure)[9]
+    speed, altitudes = all_of(result, Airspeed)[9], all_of(result, PressureAltitude)[18:20]
+    state = environment().state(result.t[9:10])
     assert altitudes[0].alt_press == pytest.approx(state.alt[0] - 47.0, abs=5.0)
     assert altitudes[0].alt_press == pytest.approx(altitudes[1].alt_press)  # QNH is the standard here
     assert impact.q_c == pytest.approx(0.5 * pressure.p_static / (287.05 * 284.0) * state.tas[0] ** 2, rel=0.03)
@@ -266,11 +266,11 @@ def test_a_case_that_lies_on_its_side_feels_so_and_the_daemon_turns_it_back(driv
     aligned, turned = (all_of(sensor(driver, rpy_bs_deg=rpy), ImuSample)[:50] for rpy in ((0.0, 0.0, 0.0), side))
     back = Mountings([Device(name="device", link="line", driver=driver, rpy_bs_deg=side)])
     for straight, lying in zip(aligned, turned, strict=True):
-        found = back.turn("device", lying)
-        assert isinstance(found, ImuSample) and lying.accel_b and straight.accel_b
+        measurement = back.turn("device", lying)
+        assert isinstance(measurement, ImuSample) and lying.accel_b and straight.accel_b
         assert abs(lying.accel_b[1]) > 9.0  # gravity is on its right or left
-        assert found.accel_b == pytest.approx(straight.accel_b, abs=1e-12)
-        assert found.gyro_b == pytest.approx(straight.gyro_b, abs=1e-14)
+        assert measurement.accel_b == pytest.approx(straight.accel_b, abs=1e-12)
+        assert measurement.gyro_b == pytest.approx(straight.gyro_b, abs=1e-14)
 
 
 def test_inertial_samples_feel_gravity_in_every_model_that_has_them() -> None:

@@ -29,13 +29,13 @@ Key = tuple[str, int, str]
 @cache
 def measured() -> tuple[tuple[Measurement, ...], ...]:
     """Twenty seconds."""
-    made = sensor("novatel_oem6")
-    return tuple(tuple(made.measure(k, START_NS)) for k in range(200))
+    result = sensor("novatel_oem6")
+    return tuple(tuple(result.measure(k, START_NS)) for k in range(200))
 
 
 def epochs() -> list[dict[Key, Pseudorange]]:
-    found = [m for sample in measured() for m in sample if isinstance(m, Pseudoranges)]
-    return [{(o.system, o.number, o.signal): o for o in epoch.observations} for epoch in found]
+    measurements = [m for sample in measured() for m in sample if isinstance(m, Pseudoranges)]
+    return [{(o.system, o.number, o.signal): o for o in epoch.observations} for epoch in measurements]
 
 
 def present(value: float | None) -> float:
@@ -66,12 +66,12 @@ def test_doppler_is_the_rate_of_the_phase_turned() -> None:
 
 def test_code_and_phase_tell_the_same_distance_but_for_whole_cycles_and_noise() -> None:
     """Code minus phase stays: its spread is the noise that each observation states."""
-    held: dict[Key, list[float]] = {}
+    results: dict[Key, list[float]] = {}
     for epoch in epochs():
         for key, o in epoch.items():
             phase = present(o.carrier_phase) * SPEED_OF_LIGHT / present(o.carrier_hz)
-            held.setdefault(key, []).append((present(o.pseudorange) - phase) / present(o.pseudorange_sd))
-    spreads = [np.std(np.diff(values)) / math.sqrt(2.0) for values in held.values() if len(values) > 150]
+            results.setdefault(key, []).append((present(o.pseudorange) - phase) / present(o.pseudorange_sd))
+    spreads = [np.std(np.diff(values)) / math.sqrt(2.0) for values in results.values() if len(values) > 150]
     assert len(spreads) > 16
     assert np.mean(spreads) == pytest.approx(1.0, abs=0.1)
 
@@ -103,10 +103,10 @@ def test_errors_are_those_of_the_data_sheet() -> None:
     """1.2 m RMS horizontally and 1.8 m vertically on two frequencies, 0.03 m/s, 20 ns; over several flights."""
     north, up, speed, time = [], [], [], []
     for seed in range(10):
-        made = sensor("novatel_oem6", seed=seed, rate_hz=0.2)
-        state = environment().state(made.t)
-        for k in range(len(made.t)):
-            messages = {type(m): m for m in made.measure(k, START_NS)}
+        result = sensor("novatel_oem6", seed=seed, rate_hz=0.2)
+        state = environment().state(result.t)
+        for k in range(len(result.t)):
+            messages = {type(m): m for m in result.measure(k, START_NS)}
             position, velocity, clock = messages[Position], messages[Velocity], messages[ReceiverClock]
             assert isinstance(position, Position)
             assert isinstance(velocity, Velocity)

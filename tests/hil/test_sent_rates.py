@@ -47,8 +47,8 @@ def test_every_kind_that_is_sent_is_decoded_as_often(made: Made) -> None:
         cycles, count = Counter[str](), round(5.0 * sensor.rate_hz)
         for k in range(count):
             messages = [data for m in sensor.measure(k, 0) for data in encoder.encode(m)]
-            found = [m for i, data in enumerate(messages) for m in decoder.feed(data, 100_000_000 * k + i)]
-            cycles.update({snake_case(type(m).__name__) for m in found})
+            measurements = [m for i, data in enumerate(messages) for m in decoder.feed(data, 100_000_000 * k + i)]
+            cycles.update({snake_case(type(m).__name__) for m in measurements})
         for kind, rate_hz in rates.items():
             assert cycles[kind] >= 5.0 * rate_hz - 1.5, (sensor.name, kind)
 

@@ -93,9 +93,9 @@ def test_it_is_published_to_a_daemon_and_to_the_next_one(tmp_path: Path) -> None
 
     with StatusPublisher(describe_urgently, emulator.backend.clock, "demo", str(run_dir)):
         for _ in range(2):  # the second daemon has another hub
-            found = first_word(run_dir)
-            assert (found["topic"], found["scenario"], found["late"]) == ("/hil", "test", False)
-            assert 0 <= found["age_ms"] < found["max_age_ms"]
+            content = first_word(run_dir)
+            assert (content["topic"], content["scenario"], content["late"]) == ("/hil", "test", False)
+            assert 0 <= content["age_ms"] < content["max_age_ms"]
     with realtime_priority():
         assert policies == {os.sched_getscheduler(0)}  # as urgent as who sends
 

@@ -67,11 +67,11 @@ RAW = channel(1, "/raw/gnss", "x-fti-raw")
 def _frames(count: int, step: int = 1, begin: int = 0) -> bytes:
     """Messages without content, of which the numbers rise by a step."""
     one = bytearray(message(1))
-    found = bytearray()
+    data = bytearray()
     for k in range(count):
         struct.pack_into("<I", one, 11, (begin + k * step) % 2**32)
-        found += one
-    return bytes(found)
+        data += one
+    return bytes(data)
 
 
 def _many_messages() -> bytes:
@@ -158,9 +158,9 @@ def _long_name() -> bytes:
 
 def _declared() -> bytes:
     """A chunk whose head and frame tell of a gigabyte."""
-    made = bytearray(chunk(RAW + message(1, bytes(2**20))))
-    struct.pack_into("<Q", made, 9 + 16, 2**30)
-    return file(CONFIG, bytes(made))
+    data = bytearray(chunk(RAW + message(1, bytes(2**20))))
+    struct.pack_into("<Q", data, 9 + 16, 2**30)
+    return file(CONFIG, bytes(data))
 
 
 def _metadata() -> bytes:

@@ -83,41 +83,41 @@ CONFIGS: dict[str, bytes] = {
 
 
 def _note_damages() -> dict[str, Damage]:
-    found: dict[str, Damage] = {}
+    damages: dict[str, Damage] = {}
     for topic, file in NOTES.items():
         for name, body in BODIES.items():
-            found[f"{topic}: {name}"] = _with_body(file, topic, body)
+            damages[f"{topic}: {name}"] = _with_body(file, topic, body)
         for name, value in VALUES.items():
-            found[f"{topic}: {name}"] = _with_values(file, topic, value)
-    return found
+            damages[f"{topic}: {name}"] = _with_values(file, topic, value)
+    return damages
 
 
 def _with_body(file: str, topic: str, body: bytes) -> Damage:
     def make(rng: random.Random) -> Session:
-        made = session()
-        for message in _of(made, file, topic)[rng.randrange(2) :]:
+        result = session()
+        for message in _of(result, file, topic)[rng.randrange(2) :]:
             message.data = body
-        return made
+        return result
 
     return make
 
 
-def _of(made: Session, file: str, topic: str) -> list[Message]:
-    return [message for message in made.files[file].messages if message.topic == topic]
+def _of(result: Session, file: str, topic: str) -> list[Message]:
+    return [message for message in result.files[file].messages if message.topic == topic]
 
 
 def _with_values(file: str, topic: str, value: bytes) -> Damage:
     """One value of every note, or all of them."""
 
     def make(rng: random.Random) -> Session:
-        made = session()
-        messages = _of(made, file, topic)
+        result = session()
+        messages = _of(result, file, topic)
         tables = [json.loads(message.data) for message in messages]
         paths = sorted(_paths(tables[0]))
         chosen = set(paths) if rng.random() < 0.3 else {rng.choice(paths)}
         for message, table in zip(messages, tables, strict=True):
             message.data = _encoded(table, chosen, value)
-        return made
+        return result
 
     return make
 
@@ -140,29 +140,29 @@ def _encoded(value: Any, chosen: set[tuple[Any, ...]], instead: bytes, path: tup
 
 def _config(data: bytes | None) -> Damage:
     def make(rng: random.Random) -> Session:
-        made = session()
+        result = session()
         for file in (RAW, DERIVED):
-            made.files[file].attachments = {} if data is None else {"config.toml": data}
-        return made
+            result.files[file].attachments = {} if data is None else {"config.toml": data}
+        return result
 
     return make
 
 
 def _changed(change: Callable[[Session, random.Random], None]) -> Damage:
     def make(rng: random.Random) -> Session:
-        made = session()
-        change(made, rng)
-        return made
+        result = session()
+        change(result, rng)
+        return result
 
     return make
 
 
-def _any_file(made: Session, rng: random.Random) -> File:
-    return made.files[rng.choice(list(made.files))]
+def _any_file(result: Session, rng: random.Random) -> File:
+    return result.files[rng.choice(list(result.files))]
 
 
-def _other_attachment(made: Session, rng: random.Random) -> None:
-    for file in made.files.values():
+def _other_attachment(result: Session, rng: random.Random) -> None:
+    for file in result.files.values():
         file.attachments = {"device[0].options.dbc_file": b"\xff\x00\xfe", **file.attachments}
 
 
@@ -170,7 +170,7 @@ def _scenario(data: bytes) -> Damage:
     return _changed(lambda made, rng: made.files[TRUTH].attachments.update({"scenario.json": data}))
 
 
-def _metadata(made: Session, rng: random.Random) -> None:
+def _metadata(result: Session, rng: random.Random) -> None:
     wild = {
         "\0": "\0",
         "name": "\x1b[2J" + "x" * 10_000,
@@ -178,41 +178,41 @@ def _metadata(made: Session, rng: random.Random) -> None:
         "kind": "nothing",
         "place_1": "\0/" + "y" * 5000,
     }
-    for file in made.files.values():
+    for file in result.files.values():
         for table in file.metadata.values():
             table.update(wild)
 
 
-def _many_metadata(made: Session, rng: random.Random) -> None:
-    _any_file(made, rng).metadata.update({f"t{k}": {"a": "b"} for k in range(60_000)})
+def _many_metadata(result: Session, rng: random.Random) -> None:
+    _any_file(result, rng).metadata.update({f"t{k}": {"a": "b"} for k in range(60_000)})
 
 
-def _links(made: Session, rng: random.Random) -> None:
-    for file in made.files.values():
+def _links(result: Session, rng: random.Random) -> None:
+    for file in result.files.values():
         file.metadata["fti.links"] = rng.choice(
             [{}, {"": ""}, {"x" * 5000: "udp"}, {f"l{k}": "udp" for k in range(6000)}]
         )
 
 
-def _times(made: Session, rng: random.Random) -> None:
+def _times(result: Session, rng: random.Random) -> None:
     t = rng.choice([2**63 - 1, 2**63, 2**64 - 1, 0])
-    for message in rng.sample(made.files[RAW].messages, 5) + rng.sample(made.files[DERIVED].messages, 5):
+    for message in rng.sample(result.files[RAW].messages, 5) + rng.sample(result.files[DERIVED].messages, 5):
         message.t = t
         message.published = rng.choice([0, 2**64 - 1, None])
 
 
-def _truth_times(made: Session, rng: random.Random) -> None:
-    for message in rng.sample(made.files[TRUTH].messages, 5):
+def _truth_times(result: Session, rng: random.Random) -> None:
+    for message in rng.sample(result.files[TRUTH].messages, 5):
         message.t = rng.choice([2**63 - 1, 2**63, 0])
 
 
-def _numbers(made: Session, rng: random.Random) -> None:
-    for message in made.files[RAW].messages:
+def _numbers(result: Session, rng: random.Random) -> None:
+    for message in result.files[RAW].messages:
         if rng.random() < 0.1:
             message.sequence = rng.choice([0, 2**31, 2**32 - 1, message.sequence])
 
 
-def _topics(made: Session, rng: random.Random) -> None:
+def _topics(result: Session, rng: random.Random) -> None:
     names = (
         "a\0b",
         "/raw/" + "x" * 100_000,
@@ -225,54 +225,54 @@ def _topics(made: Session, rng: random.Random) -> None:
         "/nav/",
         "/tx/\0",
     )
-    file = _any_file(made, rng)
+    file = _any_file(result, rng)
     for name in rng.sample(names, 3):
         file.messages.append(Message(name, BEGIN, b"{}", 1, rng.choice(["json", "x-fti-raw"])))
 
 
-def _unknown_link(made: Session, rng: random.Random) -> None:
-    made.files[RAW].messages.append(Message("/raw/stranger", BEGIN, b"x", 900, "x-fti-raw"))
+def _unknown_link(result: Session, rng: random.Random) -> None:
+    result.files[RAW].messages.append(Message("/raw/stranger", BEGIN, b"x", 900, "x-fti-raw"))
 
 
-def _many_topics(made: Session, rng: random.Random) -> None:
-    file = _any_file(made, rng)
+def _many_topics(result: Session, rng: random.Random) -> None:
+    file = _any_file(result, rng)
     file.messages += [Message(f"/x{k}", BEGIN + k, b"{}") for k in range(5000)]
 
 
-def _encodings(made: Session, rng: random.Random) -> None:
-    for message in made.files[DERIVED].messages:
+def _encodings(result: Session, rng: random.Random) -> None:
+    for message in result.files[DERIVED].messages:
         if message.topic.startswith("/nav"):
             message.encoding = "protobuf"
 
 
-def _packed(made: Session, rng: random.Random) -> None:
-    for file in made.files.values():
+def _packed(result: Session, rng: random.Random) -> None:
+    for file in result.files.values():
         file.compression = rng.choice([CompressionType.ZSTD, CompressionType.LZ4])
 
 
-def _columns(made: Session, rng: random.Random) -> None:
+def _columns(result: Session, rng: random.Random) -> None:
     body = json.dumps({f"k{n}": n for n in range(140_000)}).encode()
-    made.files[DERIVED].messages.append(Message("/nav/wide", BEGIN, body))
+    result.files[DERIVED].messages.append(Message("/nav/wide", BEGIN, body))
 
 
-def _far_apart(made: Session, rng: random.Random) -> None:
-    made.files[RAW].messages[-1].t = 1
-    made.files[DERIVED].messages[-1].t = 2**63 - 2
+def _far_apart(result: Session, rng: random.Random) -> None:
+    result.files[RAW].messages[-1].t = 1
+    result.files[DERIVED].messages[-1].t = 2**63 - 2
 
 
-def _kind(made: Session, rng: random.Random) -> None:
-    for file in made.files.values():
+def _kind(result: Session, rng: random.Random) -> None:
+    for file in result.files.values():
         file.metadata["fti.file"]["kind"] = rng.choice(["raw", "derived", "truth", "snapshot", ""])
 
 
-def _snapshot(made: Session, rng: random.Random) -> None:
-    for file in made.files.values():
+def _snapshot(result: Session, rng: random.Random) -> None:
+    for file in result.files.values():
         file.metadata["fti"]["mode"] = "snapshot"
-    made.files[f"{NAME}_snapshot_000.mcap"] = made.files[RAW]
+    result.files[f"{NAME}_snapshot_000.mcap"] = result.files[RAW]
 
 
-def _empty(made: Session, rng: random.Random) -> None:
-    _any_file(made, rng).messages.clear()
+def _empty(result: Session, rng: random.Random) -> None:
+    _any_file(result, rng).messages.clear()
 
 
 # -------------------------------------------------------------------------------------------------------------- bytes
@@ -282,16 +282,16 @@ def _bytes(change: Callable[[bytearray, random.Random], bytes | bytearray]) -> D
     """The bytes of one file are changed."""
 
     def make(rng: random.Random) -> Session:
-        made = session()
+        result = session()
         if rng.random() < 0.5:
-            _packed(made, rng)
+            _packed(result, rng)
 
         def after(place: Path) -> None:
             path = rng.choice(sorted(place.glob("*.mcap")))
             path.write_bytes(change(bytearray(path.read_bytes()), rng))
 
-        made.after.append(after)
-        return made
+        result.after.append(after)
+        return result
 
     return make
 
@@ -354,17 +354,17 @@ def _garbage(data: bytearray, rng: random.Random) -> bytearray:
 
 def _named(name: str) -> Damage:
     def make(rng: random.Random) -> Session:
-        made = session()
-        made.files[name] = made.files[RAW]
-        return made
+        result = session()
+        result.files[name] = result.files[RAW]
+        return result
 
     return make
 
 
-def _last_step(made: Session, rng: random.Random) -> None:
+def _last_step(result: Session, rng: random.Random) -> None:
     """Frames that go back in time."""
-    for k, message in enumerate(made.files[RAW].messages):
-        message.t = BEGIN + (len(made.files[RAW].messages) - k) * STEP
+    for k, message in enumerate(result.files[RAW].messages):
+        message.t = BEGIN + (len(result.files[RAW].messages) - k) * STEP
 
 
 DAMAGES: dict[str, Damage] = {

@@ -51,7 +51,7 @@ def run(bomb: str, command: str, folder: Path) -> tuple[int, int, str]:
     out = folder / "out"
     out.mkdir(exist_ok=True)
     arguments = filled(SESSION_COMMANDS[command], {"SESSION": write(bomb, folder / "x"), "OUT": out})
-    made = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", CHILD, json.dumps(arguments)],
         capture_output=True,
         text=True,
@@ -59,9 +59,9 @@ def run(bomb: str, command: str, folder: Path) -> tuple[int, int, str]:
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         check=False,
     )
-    assert made.returncode == 0, made.stderr[-3000:]
-    code, peak_mb = json.loads(made.stdout.splitlines()[-1])
-    return code, peak_mb, made.stdout + made.stderr
+    assert process.returncode == 0, process.stderr[-3000:]
+    code, peak_mb = json.loads(process.stdout.splitlines()[-1])
+    return code, peak_mb, process.stdout + process.stderr
 
 
 @pytest.mark.parametrize(("bomb", "command", "code", "stated"), PAIRS)

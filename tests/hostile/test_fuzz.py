@@ -53,7 +53,7 @@ def file_pairs(times: int) -> list[Pair]:
 
 def run(pairs: list[Pair], folder: Path) -> tuple[list[dict[str, Any]], int]:
     """What became of each pair, and the peak of memory [kB]."""
-    made = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "tests.hostile.worker", str(folder)],
         input="\n".join(map(json.dumps, pairs)),
         capture_output=True,
@@ -62,8 +62,8 @@ def run(pairs: list[Pair], folder: Path) -> tuple[list[dict[str, Any]], int]:
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         check=False,
     )
-    assert made.returncode == 0, made.stderr[-3000:]
-    *results, peak = map(json.loads, made.stdout.splitlines())
+    assert process.returncode == 0, process.stderr[-3000:]
+    *results, peak = map(json.loads, process.stdout.splitlines())
     assert len(results) == len(pairs)
     return results, peak
 

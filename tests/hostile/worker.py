@@ -99,17 +99,17 @@ def _run(damage: str, command: Any, seed: int, place: Path) -> dict[str, Any]:
     arguments = _arguments(damage, command, seed, place)
     out, printed = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.BytesIO()
     err = io.TextIOWrapper(printed, "utf-8")
-    found: dict[str, Any] = {"pair": [damage, command, seed], "arguments": arguments, "traceback": ""}
+    content: dict[str, Any] = {"pair": [damage, command, seed], "arguments": arguments, "traceback": ""}
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), contextlib.chdir(place):
         try:
-            found["code"] = fti(arguments)
+            content["code"] = fti(arguments)
         except SystemExit as end:
-            found["code"] = end.code
+            content["code"] = end.code
         except BaseException:  # noqa: BLE001  that is what is looked for
-            found["code"], found["traceback"] = None, traceback.format_exc()
+            content["code"], content["traceback"] = None, traceback.format_exc()
         out.flush()
         err.flush()
-    return {**found, "stderr": printed.getvalue().decode(), "s": time.monotonic() - started, "peak_kb": peak_kb()}
+    return {**content, "stderr": printed.getvalue().decode(), "s": time.monotonic() - started, "peak_kb": peak_kb()}
 
 
 if __name__ == "__main__":

@@ -66,10 +66,10 @@ class Turns:
 @pytest.fixture
 def ports() -> Iterator[list[Port]]:
     with ExitStack() as stack:
-        made = [Port() for _ in range(3)]
-        for port in made:
+        results = [Port() for _ in range(3)]
+        for port in results:
             stack.callback(port.close)
-        yield made
+        yield results
 
 
 async def test_all_are_read_with_one_look(ports: list[Port]) -> None:

@@ -232,16 +232,16 @@ class FakeBus:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[FakeBus]]:
     """The buses that were opened, the newest last."""
-    made: list[FakeBus] = []
+    results: list[FakeBus] = []
 
     def make(channel: str, interface: str, **arguments: Any) -> FakeBus:
-        made.append(FakeBus())
-        made[-1].arguments = arguments
-        return made[-1]
+        results.append(FakeBus())
+        results[-1].arguments = arguments
+        return results[-1]
 
     monkeypatch.setattr(can, "Bus", make)
-    yield made
-    assert all(bus.closed for bus in made)
+    yield results
+    assert all(bus.closed for bus in results)
 
 
 async def test_multicast_bus_stays_on_this_machine_and_does_not_hear_itself(fake: list[FakeBus]) -> None:
@@ -258,15 +258,15 @@ async def test_multicast_bus_stays_on_this_machine_and_does_not_hear_itself(fake
 @pytest.fixture
 def own_socket(monkeypatch: pytest.MonkeyPatch) -> FakeBus:
     """A bus of the library that is a socket of its own (udp_multicast), with a small queue."""
-    made = FakeBus()
-    for end in (made.socket, made.other):
+    result = FakeBus()
+    for end in (result.socket, result.other):
         end.close()
-    made.socket, made.other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
-    made.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    made.socket.bind(("127.0.0.1", 0))
-    made.other.connect(made.socket.getsockname())
-    monkeypatch.setattr(can, "Bus", lambda *_, **__: made)
-    return made
+    result.socket, result.other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    result.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    result.socket.bind(("127.0.0.1", 0))
+    result.other.connect(result.socket.getsockname())
+    monkeypatch.setattr(can, "Bus", lambda *_, **__: result)
+    return result
 
 
 async def test_frames_that_the_kernel_drops_are_counted(own_socket: FakeBus, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,9 +25,9 @@ LONG_MS = 60_000.0
 
 @pytest.fixture
 def peer(tmp_path: Path) -> Iterator[Peer]:
-    made = Peer(tmp_path / "line")
-    yield made
-    made.power_off()
+    result = Peer(tmp_path / "line")
+    yield result
+    result.power_off()
 
 
 def link(peer: Peer | None = None, **keys: Any) -> SerialLink:
@@ -219,8 +219,8 @@ def test_echoes_in_any_pieces_are_taken_out_and_nothing_else(
         echo.expect(message, 1.0)
     line = b"".join(sent) + after
     cuts = sorted(data.draw(st.sets(st.integers(0, len(line))) if line else st.just(set[int]())))
-    found = [read for a, b in itertools.pairwise([0, *cuts, len(line)]) for read in echo.take(line[a:b], b)]
-    assert b"".join(part for part, _ in found) == after
+    reads = [read for a, b in itertools.pairwise([0, *cuts, len(line)]) for read in echo.take(line[a:b], b)]
+    assert b"".join(part for part, _ in reads) == after
     assert (echo.size, echo.garbled) == (len(line) - len(after), 0)
     assert echo.expire(2.0) == []
 
@@ -230,12 +230,12 @@ def test_every_byte_is_an_echo_or_received(sent: list[bytes], came: list[bytes])
     echo = Echo()
     for message in sent:
         echo.expect(message, 1.0)
-    found: list[TimedBytes] = []
+    reads: list[TimedBytes] = []
     for n, part in enumerate(came):
-        found += echo.take(part, n)
-    found += echo.expire(2.0)
-    assert sum(len(part) for part, _ in found) + echo.size == sum(map(len, came))
-    assert [t for _, t in found] == sorted(t for _, t in found)
+        reads += echo.take(part, n)
+    reads += echo.expire(2.0)
+    assert sum(len(part) for part, _ in reads) + echo.size == sum(map(len, came))
+    assert [t for _, t in reads] == sorted(t for _, t in reads)
 
 
 # -------------------------------------------------------------------------------------------------------- direction

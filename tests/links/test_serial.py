@@ -24,9 +24,9 @@ from tests.links.bench import Peer, ReceivedFrames, run_link
 
 @pytest.fixture
 def peer(tmp_path: Path) -> Iterator[Peer]:
-    made = Peer(tmp_path / "line")
-    yield made
-    made.power_off()
+    result = Peer(tmp_path / "line")
+    yield result
+    result.power_off()
 
 
 def link(peer: Peer | Path, transmit: bool = False, parity: str = "none") -> SerialLink:

@@ -61,9 +61,9 @@ VECTORS = [
 
 @pytest.mark.parametrize(("line", "frame"), VECTORS)
 def test_vectors(line: bytes, frame: CanFrame) -> None:
-    found = parse_line(line)
-    assert found is not None
-    assert unpack_can(found) == frame
+    data = parse_line(line)
+    assert data is not None
+    assert unpack_can(data) == frame
 
 
 NO_FRAMES = """
@@ -158,9 +158,9 @@ def test_error_frame_cannot_be_sent() -> None:
 
 @pytest.fixture
 def adapter(tmp_path: Path) -> Iterator[Peer]:
-    made = Peer(tmp_path / "can1")
-    yield made
-    made.power_off()
+    peer = Peer(tmp_path / "can1")
+    yield peer
+    peer.power_off()
 
 
 def link(adapter: Peer, **keys: Any) -> CanLink:
@@ -213,7 +213,7 @@ async def test_frames_are_sent_as_text(adapter: Peer) -> None:
 async def test_a_line_that_is_ended_after_it_was_given_up_is_reported_and_recorded(
     adapter: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    taken = bytearray()
+    result = bytearray()
     frames = [pack_can(number, b"\x02") for number in (1, 2)]
     async with run_link(link(adapter, transmit=True)) as (opened, _):
         sent = ReceivedFrames()
@@ -225,7 +225,7 @@ async def test_a_line_that_is_ended_after_it_was_given_up_is_reported_and_record
             size = min(room, len(data))
             if not size:
                 raise BlockingIOError
-            taken.extend(data[:size])
+            result.extend(data[:size])
             room -= size
             return size
 
@@ -233,10 +233,10 @@ async def test_a_line_that_is_ended_after_it_was_given_up_is_reported_and_record
         monkeypatch.setattr(opened, "_writable", lambda fd: asyncio.sleep(0.001))
         with pytest.raises(PartialSendError, match="its line is incomplete"):
             await opened.send(frames[0], timeout_s=0.05)
-        assert (bytes(taken), sent.frames) == (b"t00", [])
+        assert (bytes(result), sent.frames) == (b"t00", [])
         room = 1000
         await opened.send(frames[1])
-        assert bytes(taken).startswith(b"t001102\rt002102\r")
+        assert bytes(result).startswith(b"t001102\rt002102\r")
         assert sent.frames == frames
 
 

@@ -28,9 +28,9 @@ def counted(**counts: int) -> dict[str, int]:
 
 @pytest.fixture
 def peer(tmp_path: Path) -> Iterator[Peer]:
-    made = Peer(tmp_path / "can1")
-    yield made
-    made.power_off()
+    result = Peer(tmp_path / "can1")
+    yield result
+    result.power_off()
 
 
 def link(peer: Peer, **keys: Any) -> CanLink:
@@ -104,17 +104,17 @@ async def test_an_adapter_that_was_without_power_is_opened_again(peer: Peer) -> 
 
 def choke(monkeypatch: pytest.MonkeyPatch, room: list[int]) -> bytearray:
     """A kernel that takes so many bytes at each write; returns what it has taken."""
-    taken = bytearray()
+    data = bytearray()
 
     def write(fd: int, text: bytes) -> int:
         count = min(room.pop(0), len(text)) if room else 0
         if not count:
             raise BlockingIOError
-        taken.extend(text[:count])
+        data.extend(text[:count])
         return count
 
     monkeypatch.setattr("fti.links.slcan.os.write", write)
-    return taken
+    return data
 
 
 @pytest.mark.parametrize(("room", "later", "stated"), [([], [], b""), ([5], [], b"t1232"), ([5], [99], b"t12321122\r")])
@@ -126,13 +126,13 @@ async def test_a_line_that_was_begun_is_ended_before_the_status_is_asked(
         await peer.expect(b"C\rO\rF\r")
         monkeypatch.setattr(opened, "_check", lambda: None)
         with monkeypatch.context() as choked:
-            taken = choke(choked, room)
+            data = choke(choked, room)
             with pytest.raises(LinkError, match="could not be sent"):
                 await opened.send(FRAME, 0.05)
-            assert taken == stated[:5]
+            assert data == stated[:5]
             room += later
             opened._request_status()
-            assert taken == stated
+            assert data == stated
         opened._request_status()
         rest = b"t12321122\r"[len(stated) :] if stated else b""
         await peer.expect(rest + b"F\r")

@@ -97,9 +97,9 @@ def recover(data: bytes, folder: Path) -> tuple[list[MessageTuple], FileReport]:
     out.unlink(missing_ok=True)
     report = extract_file(source, out, RecoveredSequence(), lambda _: None)
     assert source.read_bytes() == data
-    found = read_closed(out)
-    assert report.messages == len(found)
-    return found, report
+    messages = read_closed(out)
+    assert report.messages == len(messages)
+    return messages, report
 
 
 def is_part(found: Sequence[MessageTuple], original: Sequence[MessageTuple]) -> bool:

@@ -18,16 +18,16 @@ MessageTuple = tuple[str, int, int, int, bytes]  # topic, log time, publish time
 def read_stream(data: bytes) -> list[MessageTuple]:
     """Messages that the official StreamReader gives before the file breaks off."""
     topics: dict[int, str] = {}
-    found: list[MessageTuple] = []
+    messages: list[MessageTuple] = []
     try:
         for record in StreamReader(BytesIO(data), validate_crcs=True).records:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
-                found.append(_as_message(topics[record.channel_id], record))
+                messages.append(_as_message(topics[record.channel_id], record))
     except (McapError, struct.error):
         pass  # the break
-    return found
+    return messages
 
 
 def read_closed(path: Path) -> list[MessageTuple]:
@@ -36,12 +36,12 @@ def read_closed(path: Path) -> list[MessageTuple]:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         assert summary is not None
-        found = [_as_message(c.topic, m) for _, c, m in reader.iter_messages(log_time_order=False)]
+        messages = [_as_message(c.topic, m) for _, c, m in reader.iter_messages(log_time_order=False)]
         assert summary.statistics is not None
-        assert summary.statistics.message_count == len(found)
-        assert sum(summary.statistics.channel_message_counts.values()) == len(found)
-        assert len(list(reader.iter_messages())) == len(found)  # by the message index
-        return found
+        assert summary.statistics.message_count == len(messages)
+        assert sum(summary.statistics.channel_message_counts.values()) == len(messages)
+        assert len(list(reader.iter_messages())) == len(messages)  # by the message index
+        return messages
 
 
 def _as_message(topic: str, message: Any) -> MessageTuple:

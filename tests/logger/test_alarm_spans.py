@@ -16,10 +16,10 @@ ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT",
 
 
 def spans_of(alarms: AlarmList) -> list[tuple[str, int, int | None, str | None]]:
-    found = AlarmSpans()
+    alarm_spans = AlarmSpans()
     for change in alarms.take_changes():
-        found.feed(change)
-    return [(span.id, span.begin_ns, span.end_ns, span.acknowledged_by) for span in found.spans]
+        alarm_spans.feed(change)
+    return [(span.id, span.begin_ns, span.end_ns, span.acknowledged_by) for span in alarm_spans.spans]
 
 
 def test_each_begin_is_a_span_of_its_own() -> None:
@@ -60,11 +60,11 @@ right = {"id": "a", "change": "begins", "t_ns": 1, "severity": "warning", "title
 
 @given(st.dictionaries(names, values), st.sampled_from(["begins", "ends", "acknowledged", "changes", "else"]))
 def test_a_record_that_is_none_is_refused(wrong: dict[str, Any], change: str) -> None:
-    found = AlarmSpans()
-    found.feed(right)
+    alarm_spans = AlarmSpans()
+    alarm_spans.feed(right)
     record = {**right, "change": change, **wrong}
     try:
-        found.feed(record)
+        alarm_spans.feed(record)
     except ValueError:
         return
     assert isinstance(record["t_ns"], int)

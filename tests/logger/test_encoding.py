@@ -115,9 +115,9 @@ def test_a_value_says_what_json_says(value: object) -> None:
 
 def test_what_is_written_quickly_and_what_slowly_is_compact() -> None:
     for largest in (2**64 - 1, 2**64):  # whole numbers of more bits are written slowly
-        found = encode({"é": Stamp(largest), "b": (1.5, "\u2028")})
+        data = encode({"é": Stamp(largest), "b": (1.5, "\u2028")})
         stamp = f'{{"t_rx_ns":{largest},"t_dev_ns":null,"time_scale":null,"t_valid_ns":null}}'
-        assert found.decode() == f'{{"é":{stamp},"b":[1.5,"\u2028"]}}'
+        assert data.decode() == f'{{"é":{stamp},"b":[1.5,"\u2028"]}}'
 
 
 def test_classes_of_one_field_and_of_none() -> None:

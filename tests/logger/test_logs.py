@@ -54,14 +54,14 @@ def test_raw_log_keeps_every_frame(folder: SessionFolder) -> None:
     log.sync()
     assert len(read_stream(log.path.read_bytes())) == 7
     log.close()
-    found = read_closed(log.path)
-    assert found[:4] == [
+    messages = read_closed(log.path)
+    assert messages[:4] == [
         ("/raw/ins", STARTED, STARTED, 0, b"one"),
         ("/fti/tick", STARTED + 1, STARTED + 1, 1, b""),
         ("/tx/radar", STARTED + 2, STARTED + 2, 2, b"ask"),
         ("/raw/radar", STARTED + 3, STARTED + 3, 3, b"answer"),
     ]
-    assert json.loads(found[5][4])["level"] == 3 and json.loads(found[6][4])["message"] == "mark"
+    assert json.loads(messages[5][4])["level"] == 3 and json.loads(messages[6][4])["message"] == "mark"
     with log.path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary
@@ -181,8 +181,8 @@ def test_the_recorder_stays_small() -> None:
         "import sys, fti.logger.raw_log\n"
         "print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'numba', 'mcap', 'zenoh', 'aiohttp'}))"
     )
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert shown.stdout == "[]\n"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert process.stdout == "[]\n"
 
 
 # --------------------------------------------------------------------------------------------------------- derived
@@ -199,9 +199,9 @@ def test_every_change_of_a_calibration_is_kept_however_fast_they_come(folder: Se
     for change in changes:
         log.write_measurement("pickups", change)
     log.close()
-    kept = [json.loads(data) for _, _, _, _, data in read_closed(log.path)]
-    assert [m["change"] for m in kept] == [str(i) for i in range(20)]
-    assert kept[0]["points"] == [{"raw": 0, "deflection": 0.0}, {"raw": 9, "deflection": 0.1}]
+    contents = [json.loads(data) for _, _, _, _, data in read_closed(log.path)]
+    assert [m["change"] for m in contents] == [str(i) for i in range(20)]
+    assert contents[0]["points"] == [{"raw": 0, "deflection": 0.0}, {"raw": 9, "deflection": 0.1}]
 
 
 def test_derived_topics_times_and_schemas(folder: SessionFolder) -> None:
@@ -226,8 +226,8 @@ def test_derived_topics_times_and_schemas(folder: SessionFolder) -> None:
     log.flush()
     log.sync()
     log.close()
-    found = read_closed(log.path)
-    assert [(topic, log_time - STARTED, published - STARTED) for topic, log_time, published, _, _ in found] == [
+    messages = read_closed(log.path)
+    assert [(topic, log_time - STARTED, published - STARTED) for topic, log_time, published, _, _ in messages] == [
         ("/radar/radio_height", 5, 3),
         ("/ins/ack", 6, 6),
         ("/nav/height_above_ground/radar", 9, 3),
@@ -240,9 +240,9 @@ def test_derived_topics_times_and_schemas(folder: SessionFolder) -> None:
         ("/fti/gap", 10, 10),
         ("/fti/gap", 11, 11),
     ]
-    assert json.loads(found[0][4])["height_agl"] is None
-    assert json.loads(found[2][4])["reasons"] == ["roll", "stale"] and json.loads(found[2][4])["sd"] is None
-    fix = json.loads(found[6][4])
+    assert json.loads(messages[0][4])["height_agl"] is None
+    assert json.loads(messages[2][4])["reasons"] == ["roll", "stale"] and json.loads(messages[2][4])["sd"] is None
+    fix = json.loads(messages[6][4])
     assert fix["latitude"] == pytest.approx(48.0, abs=1e-12) and fix["altitude"] == 500.0
     assert fix["position_covariance"] == [4.0, 0, 0, 0, 4.0, 0, 0, 0, 9.0]
     assert fix["timestamp"] == {"sec": STARTED // SECOND, "nsec": 4}
@@ -272,12 +272,12 @@ def test_measurements_are_decimated_and_outputs_are_not(folder: SessionFolder) -
         log.write_measurement("servo", SurfaceDeflection(stamp=Stamp(t), surface="rudder", deflection=0.2))
         log.write_output(GlideSlope(t_ns=t, t_valid_ns=None, valid=True, reasons=()))
     log.close()
-    found = read_closed(log.path)
-    counts = {topic: sum(m[0] == topic for m in found) for topic in {m[0] for m in found}}
+    messages = read_closed(log.path)
+    counts = {topic: sum(m[0] == topic for m in messages) for topic in {m[0] for m in messages}}
     assert counts["/nav/glide_slope"] == 1000
     assert counts["/fast/radio_height"] == pytest.approx(250, abs=2)
     assert counts["/servo/surface_deflection"] == pytest.approx(500, abs=4)
-    surfaces = [json.loads(m[4])["surface"] for m in found if m[0] == "/servo/surface_deflection"]
+    surfaces = [json.loads(m[4])["surface"] for m in messages if m[0] == "/servo/surface_deflection"]
     assert surfaces.count("aileron") == surfaces.count("rudder")
 
 

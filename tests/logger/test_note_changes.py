@@ -57,9 +57,9 @@ def together(folder: Path, topic: str) -> list[Table]:
 
 def test_a_silent_link_is_not_repeated_and_everything_comes_every_ten_seconds(tmp_path: Path) -> None:
     notes = [health({"quiet": link(), "busy": link(frames=n)}) for n in range(25)]
-    found = [record for _, record in records(write(open_log(tmp_path), HEALTH, notes), HEALTH)]
-    assert [n for n, record in enumerate(found) if record["complete"]] == [0, 10, 20]
-    for n, record in enumerate(found):
+    results = [record for _, record in records(write(open_log(tmp_path), HEALTH, notes), HEALTH)]
+    assert [n for n, record in enumerate(results) if record["complete"]] == [0, 10, 20]
+    for n, record in enumerate(results):
         assert set(record["links"]) == ({"quiet", "busy"} if n % 10 == 0 else {"busy"})
         assert record["session"] == {"name": "s"}
         assert record.get("since_ns") == (None if n % 10 == 0 else START + (n - 1) * SECOND)
@@ -70,9 +70,9 @@ def test_what_changes_is_recorded_with_the_next_record(tmp_path: Path) -> None:
     for n in (2, 3):
         notes[n]["links"]["a"]["state"] = "absent"
     notes[3]["processes"]["recorder"]["pid"] = notes[4]["processes"]["recorder"]["pid"] = 2
-    found = [record for _, record in records(write(open_log(tmp_path), HEALTH, notes), HEALTH)]
-    assert [sorted(record["links"]) for record in found] == [["a", "b"], [], ["a"], [], ["a"]]
-    assert [sorted(record["processes"]) for record in found] == [["recorder"], [], [], ["recorder"], []]
+    results = [record for _, record in records(write(open_log(tmp_path), HEALTH, notes), HEALTH)]
+    assert [sorted(record["links"]) for record in results] == [["a", "b"], [], ["a"], [], ["a"]]
+    assert [sorted(record["processes"]) for record in results] == [["recorder"], [], [], ["recorder"], []]
 
 
 def test_age_and_estimates_of_a_silent_device_are_no_change(tmp_path: Path) -> None:
@@ -108,9 +108,9 @@ def test_the_first_record_of_each_file_and_the_last_ledger_hold_everything(tmp_p
 
 def test_behind_a_record_that_is_lost_only_what_is_there_is_known(tmp_path: Path) -> None:
     notes = [health({"a": link(), "b": link(frames=n)}) for n in range(13)]
-    found = records(write(open_log(tmp_path), HEALTH, notes), HEALTH)
+    rows = records(write(open_log(tmp_path), HEALTH, notes), HEALTH)
     states = NoteStates()
-    known = [states.feed(HEALTH, t_ns, record) for n, (t_ns, record) in enumerate(found) if n != 4]
+    known = [states.feed(HEALTH, t_ns, record) for n, (t_ns, record) in enumerate(rows) if n != 4]
     assert [note.whole for note in known] == [True] * 4 + [False] * 5 + [True] * 3
     assert set(known[6].table["links"]) == {"b"} and known[6].table["processes"] == {}
     assert known[-1].table == notes[-1]

@@ -123,10 +123,10 @@ SD_M = {"radar": 0.4, "laser": 0.1}
 def channel(sensor: str, flight: Flight, known: bool) -> AltimeterChannel:
     """Of a sensor, with or without the ground."""
     table = {"name": sensor, "link": "l", "driver": "d", "altimeter": DEVICES[sensor]}
-    made = AltimeterChannel(Device.model_validate(table))
+    altimeter_channel = AltimeterChannel(Device.model_validate(table))
     if known:
-        made.set_terrain(Ground(flight.known, 1.5, "test"))
-    return made
+        altimeter_channel.set_terrain(Ground(flight.known, 1.5, "test"))
+    return altimeter_channel
 
 
 def navigation(flight: Flight) -> list[NavState]:

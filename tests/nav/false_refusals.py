@@ -37,13 +37,13 @@ def refusals(receiver: Receiver, seconds: int, seed: int) -> list[str]:
     rng = np.random.default_rng(seed)
     settings = config()
     tests = SourceTests(settings.device[0], settings.nav.limits, UnstatedSigmas(3.3, 6.6))
-    found: list[str] = []
+    texts: list[str] = []
     for t_ns, m in measure(rng, fly(rng, seconds), receiver):
         if isinstance(m, Position):
-            found += [event.text for event in tests.feed_position(m, t_ns)[1] if event.level == "warning"]
+            texts += [event.text for event in tests.feed_position(m, t_ns)[1] if event.level == "warning"]
         elif isinstance(m, Velocity):
-            found += [event.text for event in tests.feed_velocity(m, t_ns)[1] if event.level == "warning"]
-    return found
+            texts += [event.text for event in tests.feed_velocity(m, t_ns)[1] if event.level == "warning"]
+    return texts
 
 
 def main() -> int:

@@ -351,7 +351,7 @@ def _receiver(rng: Rng, truth: SplineFlight, t: Array, common: Array, *, alone: 
 
 def measurements(flight: Flight, fixes: Mapping[str, Fixes], baro: bool) -> Iterator[tuple[float, str, Measurement]]:
     """Time [s], device, measurement, in order.  fixes : of each receiver, with its faults"""
-    found: list[tuple[float, str, Measurement]] = []
+    rows: list[tuple[float, str, Measurement]] = []
     for number, (name, received) in enumerate(fixes.items()):
         times = received.t + 0.011 * number
         columns = (times, received.lat, received.lon, received.alt, received.vel)
@@ -359,7 +359,7 @@ def measurements(flight: Flight, fixes: Mapping[str, Fixes], baro: bool) -> Iter
             stamp = Stamp(_ns(t))
             place = Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=1.8, vertical_sd=2.7)
             speed = Velocity(stamp=stamp, north=vel[0], east=vel[1], down=vel[2], sd=VELOCITY_SD)
-            found += [(t, name, place), (t, name, speed)]
+            rows += [(t, name, place), (t, name, speed)]
     for t, alt in flight.baro.tolist() if baro else ():
-        found.append((t, "air", PressureAltitude(stamp=Stamp(_ns(t)), alt_press=alt)))
-    return iter(sorted(found, key=lambda row: row[0]))
+        rows.append((t, "air", PressureAltitude(stamp=Stamp(_ns(t)), alt_press=alt)))
+    return iter(sorted(rows, key=lambda row: row[0]))

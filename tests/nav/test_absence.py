@@ -40,9 +40,9 @@ def returned() -> FlightResult:
     return fly(draw(0), {"gnss": silent(LOST, BACK)})
 
 
-def reacquired_at(found: FlightResult) -> np.ndarray:
+def reacquired_at(flight: FlightResult) -> np.ndarray:
     return np.array(
-        [t for t, why in zip(found.t, found.unchecked, strict=True) if Reason.REACQUIRED in why and t > 200]
+        [t for t, why in zip(flight.t, flight.unchecked, strict=True) if Reason.REACQUIRED in why and t > 200]
     )
 
 
@@ -58,28 +58,28 @@ def test_a_receiver_that_was_absent_for_long_is_reacquired_until_all_copies_exis
 
 
 def test_a_short_absence_changes_nothing() -> None:
-    found = fly(draw(0), {"gnss": silent(LOST, LOST + 20.0)})
-    assert len(reacquired_at(found)) == 0
-    assert not found.events
+    flight = fly(draw(0), {"gnss": silent(LOST, LOST + 20.0)})
+    assert len(reacquired_at(flight)) == 0
+    assert not flight.events
 
 
 def test_a_lie_that_comes_back_in_the_gate_of_the_filter_is_within_the_levels_while_on_trial() -> None:
     """6 m after 50 s of coasting to 6 m, which no gate sees.  Levels of younger copies alone would be 12 m."""
-    found = fly(draw(0), {"gnss": constant_lie(LIE_M)})
-    t, hpl = np.array(found.t), np.array(found.hpl)
+    flight = fly(draw(0), {"gnss": constant_lie(LIE_M)})
+    t, hpl = np.array(flight.t), np.array(flight.hpl)
     followed = (t > BACK + 2.0) & (t < BACK + 30.0)
     coasted_m = hpl[t < BACK][-1]
-    assert np.all(found.radial[followed] > 0.7 * LIE_M), "the filter has followed it"
+    assert np.all(flight.radial[followed] > 0.7 * LIE_M), "the filter has followed it"
     assert coasted_m > 30.0
     assert np.all(hpl[followed] > coasted_m)
-    assert Reason.REACQUIRED in found.unchecked[int(np.argmax(t > BACK + 34.0))]
+    assert Reason.REACQUIRED in flight.unchecked[int(np.argmax(t > BACK + 34.0))]
 
 
 def test_a_larger_lie_that_comes_back_in_the_gate_is_refused_while_on_trial() -> None:
     """The copy of before the absence contradicts the filter that has followed it."""
-    found = fly(draw(0), {"gnss": constant_lie(LARGER_M)})
-    assert BACK < found.refused_at("gnss")[0] < BACK + 30.0
-    assert found.misled(60.0) == 0.0
+    flight = fly(draw(0), {"gnss": constant_lie(LARGER_M)})
+    assert BACK < flight.refused_at("gnss")[0] < BACK + 30.0
+    assert flight.misled(60.0) == 0.0
 
 
 def accepted(*seconds: float) -> FilterSegment:

@@ -61,14 +61,14 @@ def test_table(name: str) -> None:
 @pytest.mark.parametrize("over", [T1, T2, T3, T4])
 def test_an_alert_of_any_test_lasts_until_a_whole_new_window_was_calm(over: Ratios) -> None:
     """400 m behind the first calm update, 20 updates of 20 m later."""
-    found = states(AlarmLogic(400.0), [over] * 2 + [GOOD] * 21)
-    assert found[1:] == [IntegrityState.ALERT] * 21 + [IntegrityState.OK]
+    results = states(AlarmLogic(400.0), [over] * 2 + [GOOD] * 21)
+    assert results[1:] == [IntegrityState.ALERT] * 21 + [IntegrityState.OK]
 
 
 @pytest.mark.parametrize("disturbed", [WARM, T1, T4, NO_NUMBER])
 def test_what_is_not_calm_begins_the_window_again(disturbed: Ratios) -> None:
-    found = states(AlarmLogic(400.0), [T1] * 2 + [GOOD] * 19 + [disturbed] + [GOOD] * 21)
-    assert found[1:] == [IntegrityState.ALERT] * 41 + [IntegrityState.OK]
+    results = states(AlarmLogic(400.0), [T1] * 2 + [GOOD] * 19 + [disturbed] + [GOOD] * 21)
+    assert results[1:] == [IntegrityState.ALERT] * 41 + [IntegrityState.OK]
 
 
 def test_an_update_that_was_not_evaluated_restarts_the_window() -> None:

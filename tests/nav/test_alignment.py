@@ -19,11 +19,11 @@ def test_it_is_that_of_the_flight_but_for_wind_and_angle_of_attack(seed: int) ->
     to_n = np.swapaxes(mat_en(state.lat, state.lon), 1, 2)
     off = []
     for k in range(100):
-        found = attitude_in_flight(
+        values = attitude_in_flight(
             force_b[k], state.vel_n[k], to_n[k] @ state.accel_e[k], float(state.lat[k]), float(state.alt[k])
         )
-        assert found is not None
-        roll, pitch, heading = (float(x) for x in rpy_from_mat(found))
+        assert values is not None
+        roll, pitch, heading = (float(x) for x in rpy_from_mat(values))
         turned = (heading - state.heading[k] + np.pi) % (2.0 * np.pi) - np.pi
         off.append((roll - state.roll[k], pitch - state.pitch[k], turned))
     roll_rms, pitch_rms, heading_rms = np.sqrt(np.mean(np.square(off), axis=0))

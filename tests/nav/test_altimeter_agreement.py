@@ -43,8 +43,8 @@ def shares(radar_m: float, laser_m: float, *, known: bool = False, kinds: tuple[
     return {sensor: n / (5 * HZ) for sensor, n in found.items()}
 
 
-def is_valid(found: dict[str, float]) -> bool:
-    return found == {"radar": 0.0, "laser": 0.0}
+def is_valid(values: dict[str, float]) -> bool:
+    return values == {"radar": 0.0, "laser": 0.0}
 
 
 @pytest.mark.parametrize(("apart", "agree"), [(4.5, True), (5.5, False)])
@@ -78,16 +78,16 @@ def test_bias_and_scale_that_are_configured_are_no_disagreement(bias_m: float, s
 
 
 def test_both_are_refused_after_half_a_second_when_nobody_knows_better() -> None:
-    found = shares(60.0, 50.0)
-    assert found["radar"] == pytest.approx(0.88, abs=0.03)
-    assert found["laser"] == pytest.approx(0.88, abs=0.03)
+    values = shares(60.0, 50.0)
+    assert values["radar"] == pytest.approx(0.88, abs=0.03)
+    assert values["laser"] == pytest.approx(0.88, abs=0.03)
 
 
 def test_known_ground_identifies_the_wrong_one() -> None:
     """50 m predicted, sigma 2 m: 57 m is 3.5 sigma, 50.5 m is none."""
-    found = shares(57.0, 50.5, known=True)
-    assert found["radar"] > 0.8
-    assert found["laser"] == 0.0
+    values = shares(57.0, 50.5, known=True)
+    assert values["radar"] > 0.8
+    assert values["laser"] == 0.0
 
 
 def test_a_disagreement_of_two_samples_is_none() -> None:
@@ -132,9 +132,9 @@ def test_an_altimeter_that_falls_silent_leaves_the_other_alone_after_20_times_as
     for k in range(20):
         check.update(height("laser", k, 50.0))
         check.update(height("radar", k, 60.0))
-    found = [check.update(height("laser", k, 50.0)) for k in range(20, 400)]
-    assert set(found[:250]) == {DISAGREE}
-    assert set(found[310:]) == {()}
+    reasons = [check.update(height("laser", k, 50.0)) for k in range(20, 400)]
+    assert set(reasons[:250]) == {DISAGREE}
+    assert set(reasons[310:]) == {()}
 
 
 @pytest.mark.parametrize(("value", "is_valid"), [(51.0, True), (57.0, False)])
@@ -144,9 +144,9 @@ def test_who_is_left_alone_is_not_the_wrong_one_where_the_ground_confirms_it(val
     for k in range(40):
         check.update(height("laser", k, value - 10.0))
         check.update(height("radar", k, value))
-    found = [check.update(height("radar", k, value, known=True)) for k in range(40, 90)]
-    assert set(found[:20]) == {DISAGREE}
-    assert set(found[32:]) == {() if is_valid else DISAGREE}
+    reasons = [check.update(height("radar", k, value, known=True)) for k in range(40, 90)]
+    assert set(reasons[:20]) == {DISAGREE}
+    assert set(reasons[32:]) == {() if is_valid else DISAGREE}
 
 
 def test_two_that_agree_in_moments_seconds_apart_are_still_refused() -> None:
@@ -156,8 +156,8 @@ def test_two_that_agree_in_moments_seconds_apart_are_still_refused() -> None:
         value = 50.0 if k > 20 and k % 30 < 2 else 60.0
         if k <= 20 or k % 30 < 2:
             check.update(height("radar", k, value))
-        found = check.update(height("laser", k, 50.0))
-    assert found == DISAGREE
+        reasons = check.update(height("laser", k, 50.0))
+    assert reasons == DISAGREE
 
 
 def test_samples_are_compared_at_one_time() -> None:
@@ -193,12 +193,12 @@ def test_a_stuck_radar_beside_a_laser_is_refused_alone_with_events_that_give_the
         t, stamp = k / HZ, Stamp(T0 + k * S // HZ)
         up = 100.0 + 5.0 * t
         lat = 0.8 + 60.0 * t / 6.38e6
-        shown = 100.0 + 5.0 * 5.0 if 5.0 <= t < 20.0 else round(up / 1.5) * 1.5
+        value = 100.0 + 5.0 * 5.0 if 5.0 <= t < 20.0 else round(up / 1.5) * 1.5
         for device, m in (
             ("ins", Attitude(stamp=stamp, roll=0.0, pitch=0.0, heading=0.0)),
             ("ins", Position(stamp=stamp, lat=lat, lon=0.2, alt=500.0 + 5.0 * t, vertical_sd=2.0, horizontal_sd=2.0)),
             ("ins", Velocity(stamp=stamp, north=60.0, east=0.0, down=-5.0, sd=0.1)),
-            ("radar", RadioHeight(stamp=stamp, height_agl=shown, sd=0.5)),
+            ("radar", RadioHeight(stamp=stamp, height_agl=value, sd=0.5)),
             ("laser", Range(stamp=stamp, slant_range=up + 0.01 * (k % 7))),
         ):
             out = of.feed(device, m)
@@ -249,26 +249,26 @@ def seldom(period_s: float, radar_m: Callable[[float], float], seconds: float) -
     check = AgreementCheck({"radar": RADAR, "laser": LASER})
     samples = [(k / HZ, "laser", 50.0) for k in range(round(seconds * HZ))]
     radar_t = [0.003 + k * period_s for k in range(round(seconds / period_s))]
-    found: dict[str, list[tuple[float, bool]]] = {"radar": [], "laser": []}
+    rows: dict[str, list[tuple[float, bool]]] = {"radar": [], "laser": []}
     for t, sensor, value in sorted(samples + [(t, "radar", radar_m(t)) for t in radar_t]):
         refusals = check.update(height(sensor, 0, value, t_ns=T0 + round(t * S)))
-        found[sensor].append((t, bool(refusals)))
-    return found
+        rows[sensor].append((t, bool(refusals)))
+    return rows
 
 
 @pytest.mark.parametrize("period_s", [1.0, 1.02, 1.5, 1.9])
 def test_one_that_measures_seldom_is_compared(period_s: float) -> None:
     """40 m apart: with a sample in 1.001 s they were never compared three times."""
-    found = seldom(period_s, lambda t: 90.0, 60.0)
-    assert all(refused for each in found.values() for t, refused in each if t > 4 * period_s)
+    rows = seldom(period_s, lambda t: 90.0, 60.0)
+    assert all(refused for each in rows.values() for t, refused in each if t > 4 * period_s)
 
 
 @pytest.mark.parametrize("period_s", [1.02, 1.9])
 def test_two_that_agree_again_are_not_refused_for_ever_although_one_measures_seldom(period_s: float) -> None:
     """40 m apart for 10 s, and then alike: with a sample in 1.02 s both were refused to the end."""
-    found = seldom(period_s, lambda t: 90.0 if t < 10.0 else 50.0, 60.0)
-    assert any(refused for _, refused in found["laser"])
-    assert not any(refused for t, refused in found["laser"] if t > 16.0)
+    rows = seldom(period_s, lambda t: 90.0 if t < 10.0 else 50.0, 60.0)
+    assert any(refused for _, refused in rows["laser"])
+    assert not any(refused for t, refused in rows["laser"] if t > 16.0)
 
 
 def test_a_prediction_that_proves_nothing_neither_decides_nor_confirms() -> None:

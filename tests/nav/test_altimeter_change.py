@@ -174,10 +174,10 @@ def test_the_resolution_is_the_step_between_repeated_values(step: float) -> None
 
 
 def test_values_that_never_repeat_have_no_known_resolution() -> None:
-    found = Resolution()
+    resolution = Resolution()
     for k in range(100):
-        found.update(100.0 + 0.37 * k)
-    assert found.step is None
+        resolution.update(100.0 + 0.37 * k)
+    assert resolution.step is None
 
 
 def nowhere(o: AltimeterObservation) -> AltimeterObservation:
@@ -285,10 +285,10 @@ def test_steps_that_grow_with_the_height_make_no_radar_stuck(rate: float, known:
 @pytest.mark.parametrize("gap_s", [3.5, 20.0])
 def test_a_gap_does_not_end_the_refusal_of_a_stuck_one(gap_s: float) -> None:
     observations = without_samples(samples(80.0, held(hills, 21.0, 70.0), predicted=hills), 40.0, 40.0 + gap_s)
-    found = reasons(observations)
-    stuck = [Reason.STUCK in r for t, r in found if 25.0 <= t < 70.0]
+    rows = reasons(observations)
+    stuck = [Reason.STUCK in r for t, r in rows if 25.0 <= t < 70.0]
     assert all(stuck)
-    assert not any(Reason.STUCK in r for t, r in found if t >= 72.5), "2 s after it moves"
+    assert not any(Reason.STUCK in r for t, r in rows if t >= 72.5), "2 s after it moves"
 
 
 def test_after_a_gap_a_stuck_one_that_moves_is_valid_after_2_s_and_not_before() -> None:

@@ -38,17 +38,17 @@ def begins(refused: list[bool]) -> int:
     return sum(now and not before for before, now in zip([False, *refused], refused, strict=False))
 
 
-def take_stuck(found: Measured, flight: Flight, sensor: str) -> None:
+def take_stuck(measurement: Measured, flight: Flight, sensor: str) -> None:
     heights = outputs(flight, sensor, known=True, fault=stuck(ONSET_S, END_S))
     after = [(o.t_ns / S - ONSET_S, o) for o in heights if ONSET_S <= o.t_ns / S < END_S]
-    found.delay[sensor].append(next((t for t, o in after if o.reasons), np.inf))
+    measurement.delay[sensor].append(next((t for t, o in after if o.reasons), np.inf))
     memory = next((t for t, o in after if MEMORY & {*o.reasons}), np.inf)
-    found.memory[sensor].append(memory)
+    measurement.memory[sensor].append(memory)
     if memory < END_S - ONSET_S:
-        found.held[sensor].append(float(np.mean([bool(o.reasons) for t, o in after if t >= memory])))
+        measurement.held[sensor].append(float(np.mean([bool(o.reasons) for t, o in after if t >= memory])))
 
 
-def take_healthy(found: Measured, flight: Flight) -> None:
+def take_healthy(measurement: Measured, flight: Flight) -> None:
     """By the memory of each alone, and by both against each other; a sample refused for another reason counts too."""
     for ground in ("known", "unknown"):
         heights = {s: list(outputs(flight, s, known=ground == "known")) for s in DEVICES}
@@ -58,7 +58,7 @@ def take_healthy(found: Measured, flight: Flight) -> None:
             for height in pair:
                 refused[height.sensor].append(is_refused(height, check))
         for sensor, flags in refused.items():
-            found.false[sensor, ground] = found.false.get((sensor, ground), 0) + begins(flags)
+            measurement.false[sensor, ground] = measurement.false.get((sensor, ground), 0) + begins(flags)
 
 
 def is_refused(height: HeightAboveGround, check: AgreementCheck) -> bool:
@@ -67,11 +67,11 @@ def is_refused(height: HeightAboveGround, check: AgreementCheck) -> bool:
 
 @pytest.fixture(scope="module")
 def measured(scale: int) -> Measured:
-    found = Measured()
+    measurement = Measured()
     for seed in range(10 if scale == 1 else 200):
         hills = fly(1000 + seed, SECONDS, agl=100.0, wooded=seed % 2 == 1)
         for sensor in DEVICES:
-            take_stuck(found, hills, sensor)
+            take_stuck(measurement, hills, sensor)
         healthy = fly(
             2000 + seed,
             SECONDS,
@@ -80,9 +80,9 @@ def measured(scale: int) -> Measured:
             wooded=seed // 4 % 2 == 1,
         )
         for flight in (hills, healthy):
-            take_healthy(found, flight)
-            found.hours += SECONDS / 3600
-    return found
+            take_healthy(measurement, flight)
+            measurement.hours += SECONDS / 3600
+    return measurement
 
 
 @pytest.mark.parametrize("sensor", list(DEVICES))

@@ -130,14 +130,14 @@ def _measured(
                 yield radar, RadioHeight(stamp=stamp, height_agl=HEIGHT + rng.normal(0.0, 0.3) + fault(t))
 
 
-def _collect(found: FlightResult, t: float, out: list[Output | Event]) -> None:
+def _collect(flight: FlightResult, t: float, out: list[Output | Event]) -> None:
     for o in out:
         if isinstance(o, HeightAboveGround):
-            found.heights.append((t, o))
+            flight.heights.append((t, o))
         elif isinstance(o, FilterSolution) and o.valid:
-            found.filtered.append((t, o))
+            flight.filtered.append((t, o))
         elif isinstance(o, Event) and "clock" not in o.source:
-            found.events.append((t, o))
+            flight.events.append((t, o))
 
 
 def test_an_altimeter_that_the_filter_excludes_is_not_valid_until_it_agrees_again(ground: Ground) -> None:
@@ -181,9 +181,9 @@ def test_a_height_that_is_compared_with_itself_has_a_reason(ground: Ground, rate
     flight = fly(ground, {"radar": drifting(rate)}, 100.0, LOST)
     assert flight.texts(0.0) == [HELD]
     assert flight.altitude_error(90.0, 100.0) > 10.0, "it follows"
-    held = flight.of("radar", 46.0, 100.0)
-    compared = [height for height in held if height.predicted is not None]
-    assert len(compared) > 0.9 * len(held)
+    heights = flight.of("radar", 46.0, 100.0)
+    compared = [height for height in heights if height.predicted is not None]
+    assert len(compared) > 0.9 * len(heights)
     assert all(Reason.NOT_INDEPENDENT in height.unchecked for height in compared)
 
 

@@ -142,11 +142,11 @@ def test_after_60_s_without_known_ground_the_end_of_a_mismatch_has_its_cause() -
         measured=lambda t, north: noise(200.0 + wrong(t) - (hills(north) if north < edge else 0.0)),
         laser={"max_deviation_m": 50.0},
     )
-    found = list(flight.fly(lambda north: hills(north) if north < edge else math.nan))
-    texts = [o.text for t, _, out in found for o in out if isinstance(o, Event) and o.source == "laser"]
+    rows = list(flight.fly(lambda north: hills(north) if north < edge else math.nan))
+    texts = [o.text for t, _, out in rows for o in out if isinstance(o, Event) and o.source == "laser"]
     assert len(texts) == 2
     assert texts[1].endswith("s the known ground has been missing for 60 s")
-    valid = [(t, h) for t, _, out in found if t > 20.0 for h in heights(out) if h.valid]
+    valid = [(t, h) for t, _, out in rows if t > 20.0 for h in heights(out) if h.valid]
     assert valid[0][0] == pytest.approx(90.0, abs=1.0)
     for _, h in valid:
         assert h.height_agl is not None

@@ -32,8 +32,8 @@ def error_over_sigma(seed: int, fault: Fault | None) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("fault", [late, renewed_seldom])
 def test_errors_within_the_gate_are_within_the_sigma(fault: Fault) -> None:
-    found = [error_over_sigma(3000 + seed, fault) for seed in range(4)]
-    z = np.concatenate([z[t >= SETTLED_S] for t, z in found])
+    rows = [error_over_sigma(3000 + seed, fault) for seed in range(4)]
+    z = np.concatenate([z[t >= SETTLED_S] for t, z in rows])
     print(f"{len(z)} valid samples: |z| < 2 in {100 * np.mean(abs(z) < 2.0):.1f} %, worst {abs(z).max():.1f}")
     assert len(z) > 200
     assert np.mean(abs(z) < 2.0) >= 0.85

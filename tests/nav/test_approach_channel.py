@@ -39,13 +39,13 @@ def height_of(x: ClearanceSample) -> HeightAboveGround:
 
 def inputs(path: ApproachPath, flight: Flight, altitude_source: Callable[[float], str]) -> Inputs:
     """A nominal approach; altitude_source : of the path length."""
-    found: Inputs = []
+    result: Inputs = []
     for x in flight(begin=2900.0, end=1000.0):
         lat, lon = (float(v) for v in path.to_geodetic(x.s, x.y))
         place = PositionState(lat, lon, x.alt, 1.0, 1.0, 0.0, 0.0, 3.0, x.t_ns)
         attitude = AttitudeState(x.roll, x.pitch, math.radians(path.airfield.course_deg), 1e-3, 1e-3)
-        found.append((height_of(x), NavState(x.t_ns, attitude, place, "ins", "ins", altitude_source(x.s))))
-    return found
+        result.append((height_of(x), NavState(x.t_ns, attitude, place, "ins", "ins", altitude_source(x.s))))
+    return result
 
 
 def run(channel: ApproachChannel, samples: Inputs) -> tuple[list[ClearanceIntegrity], list[GlideSlope]]:

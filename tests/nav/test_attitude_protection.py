@@ -42,10 +42,10 @@ def state(
 def test_beside_another_source_it_is_the_difference_and_the_level_of_the_other() -> None:
     """Whatever sigma it states: 3 deg of roll and 4 of pitch are 5 deg of tilt."""
     liar = state(3.0, -4.0, 359.0, tilt_sd=0.001, heading_sd=0.001)
-    found = levels(liar, [state(heading=2.0, tilt_sd=0.1, heading_sd=1.0)], ASSUMED, LIMIT)
-    assert found.tilt == pytest.approx((5.0 + 0.1 * RADIAL) * DEG, rel=1e-3)
-    assert found.heading == pytest.approx((3.0 + 1.0 * AXIS) * DEG, rel=1e-3)
-    assert found[2:] == ((), True)
+    result = levels(liar, [state(heading=2.0, tilt_sd=0.1, heading_sd=1.0)], ASSUMED, LIMIT)
+    assert result.tilt == pytest.approx((5.0 + 0.1 * RADIAL) * DEG, rel=1e-3)
+    assert result.heading == pytest.approx((3.0 + 1.0 * AXIS) * DEG, rel=1e-3)
+    assert result[2:] == ((), True)
 
 
 def test_alone_it_has_the_level_of_its_own_sigma_or_of_the_assumed_one() -> None:
@@ -61,26 +61,26 @@ def test_alone_it_has_the_level_of_its_own_sigma_or_of_the_assumed_one() -> None
 def test_every_sharp_source_bounds_it_and_an_uncertain_one_does_not_widen_it() -> None:
     near, far = state(0.1, tilt_sd=0.02), state(0.5, tilt_sd=0.05)
     ahrs = state(1.5)
-    found = levels(state(tilt_sd=0.02), [near, far, ahrs], ASSUMED, LIMIT)
-    assert found.tilt == pytest.approx((0.5 + 0.05 * RADIAL) * DEG, rel=1e-3)
+    result = levels(state(tilt_sd=0.02), [near, far, ahrs], ASSUMED, LIMIT)
+    assert result.tilt == pytest.approx((0.5 + 0.05 * RADIAL) * DEG, rel=1e-3)
 
 
 @pytest.mark.parametrize(("off", "is_checked"), [(0.5, False), (5.0, False), (6.5, True)])
 def test_an_uncertain_source_makes_it_invalid_only_where_it_contradicts(off: float, is_checked: bool) -> None:
     """Beside an assumed sigma of 1 deg, a stated one of 0.02 deg: beyond 5.5 deg one of the two is wrong."""
-    found = levels(state(tilt_sd=0.02), [state(off)], ASSUMED, LIMIT)
-    assert found.tilt == pytest.approx((off + 1.0 * RADIAL) * DEG, rel=1e-3)
-    assert found.unchecked == (Reason.UNCERTAIN,)
-    assert bool(found.reasons(AlertLimits())) is is_checked
+    result = levels(state(tilt_sd=0.02), [state(off)], ASSUMED, LIMIT)
+    assert result.tilt == pytest.approx((off + 1.0 * RADIAL) * DEG, rel=1e-3)
+    assert result.unchecked == (Reason.UNCERTAIN,)
+    assert bool(result.reasons(AlertLimits())) is is_checked
 
 
 def test_a_source_that_fell_silent_in_a_roll_contradicts_nobody() -> None:
     """Held for 0.3 s at 20 deg/s it is 6 deg off; its sigma has grown by 3 deg."""
-    held = AttitudeState(6.0 * DEG, 0.0, 0.0, 3.0 * DEG, 3.0 * DEG, 0.02 * DEG, 0.02 * DEG)
-    found = levels(state(tilt_sd=0.02), [held], ASSUMED, LIMIT)
-    assert found.reasons(AlertLimits()) == ()
-    assert found.unchecked == (Reason.UNCERTAIN,)
-    with_other = levels(state(tilt_sd=0.02), [held, state(tilt_sd=0.05)], ASSUMED, LIMIT)
+    attitude = AttitudeState(6.0 * DEG, 0.0, 0.0, 3.0 * DEG, 3.0 * DEG, 0.02 * DEG, 0.02 * DEG)
+    result = levels(state(tilt_sd=0.02), [attitude], ASSUMED, LIMIT)
+    assert result.reasons(AlertLimits()) == ()
+    assert result.unchecked == (Reason.UNCERTAIN,)
+    with_other = levels(state(tilt_sd=0.02), [attitude, state(tilt_sd=0.05)], ASSUMED, LIMIT)
     assert with_other.tilt == pytest.approx(0.05 * RADIAL * DEG, rel=1e-3)
 
 
@@ -90,11 +90,11 @@ def test_a_drawn_error_is_beyond_its_level_no_more_often_than_promised() -> None
     error, own = rng.normal(0.0, 0.15, (2000, 2)), rng.uniform(-6.0, 6.0, (2000, 2))
     beyond = 0
     for e, a in zip(error, own, strict=True):
-        found = levels(state(a[0], a[1]), [state(e[0], e[1], tilt_sd=0.15)], ASSUMED, LIMIT)
-        assert found.tilt is not None
-        beyond += math.hypot(*a) * DEG > found.tilt
+        result = levels(state(a[0], a[1]), [state(e[0], e[1], tilt_sd=0.15)], ASSUMED, LIMIT)
+        assert result.tilt is not None
+        beyond += math.hypot(*a) * DEG > result.tilt
         excess = math.hypot(*a) + 0.15 * RADIAL + math.hypot(*e)  # never larger than needed by both errors
-        assert found.tilt <= excess * DEG * 1.001
+        assert result.tilt <= excess * DEG * 1.001
     assert beyond == 0
 
 
@@ -143,16 +143,16 @@ class Bench:
 
     def run(self, begin: float, end: float, roll: Any, filter_roll: Any = None, **filter_levels: Any) -> AttitudeLevels:
         """Levels at the end."""
-        found = AttitudeLevels(None, None)
+        result = AttitudeLevels(None, None)
         for k in range(round(begin * 50), round(end * 50)):
             t, t_ns = k / 50, T0 + k * S // 50
             angle, sd = roll(t) * DEG, self.sd
             m = Attitude(stamp=Stamp(t_ns), roll=angle, pitch=0.0, heading=0.0, roll_sd=sd, pitch_sd=sd, heading_sd=sd)
             self.source.push_attitude(m, t_ns)
-            found = self.at(t_ns)
+            result = self.at(t_ns)
             if k % 10 == 0 and filter_roll is not None:
                 self.protection.feed_filter(filtered(t_ns, filter_roll(t), **filter_levels))
-        return found
+        return result
 
     def at(self, t_ns: int) -> AttitudeLevels:
         return self.protection.at(t_ns, self.source.attitude(t_ns), "ins")
@@ -161,9 +161,9 @@ class Bench:
 def test_the_filter_counts_when_satellites_have_aided_it_for_30_s_and_while_it_coasts_then() -> None:
     bench = Bench()
     assert bench.run(0.0, 29.0, lambda t: 0.0, lambda t: 0.0).unchecked == (Reason.NOTHING_TO_COMPARE,)
-    found = bench.run(29.0, 31.0, lambda t: 0.0, lambda t: 0.0)
-    assert found.tilt == pytest.approx(0.05 * RADIAL * DEG, rel=1e-3)
-    assert found.unchecked == ()
+    result = bench.run(29.0, 31.0, lambda t: 0.0, lambda t: 0.0)
+    assert result.tilt == pytest.approx(0.05 * RADIAL * DEG, rel=1e-3)
+    assert result.unchecked == ()
     coasting = bench.run(31.0, 40.0, lambda t: 0.0, lambda t: 0.0, mode=FilterMode.COASTING, sd=0.1)
     assert coasting.tilt == pytest.approx(0.1 * RADIAL * DEG, rel=1e-3)
     anew = bench.run(40.0, 45.0, lambda t: 0.0, lambda t: 0.0, mode=FilterMode.ALIGNING)
@@ -174,10 +174,10 @@ def test_the_filter_counts_when_satellites_have_aided_it_for_30_s_and_while_it_c
 def test_a_step_of_the_device_is_in_the_level_within_half_a_second() -> None:
     bench = Bench()
     bench.run(0.0, 35.0, lambda t: 0.0, lambda t: 0.0)
-    found = bench.run(35.0, 35.5, lambda t: 2.0, lambda t: 0.0)
-    assert found.tilt is not None
-    assert found.tilt >= 2.0 * DEG
-    assert found.reasons(AlertLimits()) == (Reason.ATTITUDE_LEVEL,)
+    result = bench.run(35.0, 35.5, lambda t: 2.0, lambda t: 0.0)
+    assert result.tilt is not None
+    assert result.tilt >= 2.0 * DEG
+    assert result.reasons(AlertLimits()) == (Reason.ATTITUDE_LEVEL,)
 
 
 def test_a_roll_is_no_difference_and_the_held_attitude_goes_on_turning() -> None:
@@ -185,8 +185,8 @@ def test_a_roll_is_no_difference_and_the_held_attitude_goes_on_turning() -> None
     bench = Bench()
     rolling = lambda t: 40.0 * max(0.0, t - 34.0)  # noqa: E731
     bench.run(0.0, 34.0, rolling, rolling)
-    found = bench.run(34.0, 36.0, rolling, rolling)
-    assert found.tilt == pytest.approx(0.05 * RADIAL * DEG, abs=0.01 * DEG)
+    result = bench.run(34.0, 36.0, rolling, rolling)
+    assert result.tilt == pytest.approx(0.05 * RADIAL * DEG, abs=0.01 * DEG)
     newest_ns = T0 + round(35.98 * S)
     held = bench.at(newest_ns + S // 10)
     assert held.tilt == pytest.approx((0.05 * RADIAL + 4.0) * DEG, rel=0.02)
@@ -195,11 +195,11 @@ def test_a_roll_is_no_difference_and_the_held_attitude_goes_on_turning() -> None
 
 def test_an_uncertain_filter_does_not_make_a_device_invalid() -> None:
     bench = Bench()
-    found = bench.run(0.0, 35.0, lambda t: 0.3, lambda t: 0.0, sd=0.45)
-    assert found.unchecked == (Reason.UNCERTAIN,)
-    assert found.tilt is not None
-    assert found.tilt > 2.0 * DEG
-    assert found.reasons(AlertLimits()) == ()
+    result = bench.run(0.0, 35.0, lambda t: 0.3, lambda t: 0.0, sd=0.45)
+    assert result.unchecked == (Reason.UNCERTAIN,)
+    assert result.tilt is not None
+    assert result.tilt > 2.0 * DEG
+    assert result.reasons(AlertLimits()) == ()
 
 
 def test_the_filter_alone_has_the_level_of_its_sigma() -> None:
@@ -209,9 +209,9 @@ def test_the_filter_alone_has_the_level_of_its_sigma() -> None:
     assert protection.at(T0, alone, "filter").unchecked == (Reason.NOTHING_TO_COMPARE,)
     for k in range(160):
         protection.feed_filter(filtered(T0 + k * S // 5))
-    found = protection.at(T0 + 32 * S, alone, "filter")
-    assert found.tilt == pytest.approx(0.3 * RADIAL * DEG, rel=1e-3)
-    assert found.unchecked == ()
+    result = protection.at(T0 + 32 * S, alone, "filter")
+    assert result.tilt == pytest.approx(0.3 * RADIAL * DEG, rel=1e-3)
+    assert result.unchecked == ()
     assert protection.at(T0 + 33 * S, state(tilt_sd=0.5), "filter").reasons(AlertLimits()) == (Reason.ATTITUDE_LEVEL,)
 
 
@@ -234,19 +234,19 @@ def fly(second: float, sds: tuple[float | None, float | None], **nav: Any) -> Na
 
 
 def test_two_that_disagree_without_a_filter_make_the_attitude_invalid_with_its_reason() -> None:
-    found = fly(6.0, (0.05, 0.05))
-    assert not found.attitude_valid
-    assert found.attitude_reasons == (Reason.ATTITUDE_LEVEL,)
-    assert Reason.ATTITUDE_LEVEL in found.reasons
-    assert found.tilt_pl == pytest.approx((6.0 + 0.05 * RADIAL) * DEG, rel=1e-3)
+    solution = fly(6.0, (0.05, 0.05))
+    assert not solution.attitude_valid
+    assert solution.attitude_reasons == (Reason.ATTITUDE_LEVEL,)
+    assert Reason.ATTITUDE_LEVEL in solution.reasons
+    assert solution.tilt_pl == pytest.approx((6.0 + 0.05 * RADIAL) * DEG, rel=1e-3)
     assert fly(6.0, (0.05, 0.05), alert_limits={"attitude_deg": 7.0}).attitude_valid
 
 
 def test_devices_that_state_no_sigma_are_valid_and_say_that_they_are_uncertain() -> None:
-    found = fly(0.5, (None, None))
-    assert found.attitude_valid
-    assert found.attitude_unchecked == (Reason.UNCERTAIN,)
-    assert found.tilt_pl == pytest.approx((0.5 + 1.0 * RADIAL) * DEG, rel=1e-3)
+    solution = fly(0.5, (None, None))
+    assert solution.attitude_valid
+    assert solution.attitude_unchecked == (Reason.UNCERTAIN,)
+    assert solution.tilt_pl == pytest.approx((0.5 + 1.0 * RADIAL) * DEG, rel=1e-3)
     other = fly(0.5, (None, None), unstated_sd={"attitude_deg": [0.2, 2.0]})
     assert other.tilt_pl == pytest.approx((0.5 + 0.2 * RADIAL) * DEG, rel=1e-3)
     assert other.attitude_unchecked == (Reason.UNCERTAIN,)  # however small: it is not the device that states it

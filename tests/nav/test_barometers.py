@@ -43,10 +43,10 @@ def fly(baro: Any, seconds: float, silent: dict[str, tuple[float, float]]) -> li
     pipeline, out = Pipeline(config(baro), None), list[FilterSolution]()
     for k in range(round(100 * seconds)):
         t, t_ns = 0.01 * k, T0 + k * 10 * MS
-        found: list[tuple[str, Measurement]] = [m for m in measurements(k, gnss=True) if m[0] in ("imu", "gnss")]
+        rows: list[tuple[str, Measurement]] = [m for m in measurements(k, gnss=True) if m[0] in ("imu", "gnss")]
         if k % 50 == 0:
-            found += [(name, PressureAltitude(stamp=Stamp(t_ns), alt_press=ALT + up)) for name, up in OFFSETS.items()]
-        for device, m in found:
+            rows += [(name, PressureAltitude(stamp=Stamp(t_ns), alt_press=ALT + up)) for name, up in OFFSETS.items()]
+        for device, m in rows:
             if is_received(device, t):
                 pipeline.feed(device, m)
         if k % 2 == 0:

@@ -35,17 +35,19 @@ def test_every_window_has_the_figures_of_the_monitor(
     monitor = ClearanceMonitor(reference, SETTINGS)
     limits = reference.header.limits
     expected = [o for x in samples if (o := monitor.step(x)) is not None and o.t1_ratio is not None]
-    found = BatchMonitor(reference, SETTINGS).scan(track_of(samples), 1.0)
-    assert found is not None
-    assert found.s == pytest.approx([o.s_end for o in expected], abs=1e-9)
-    for values, limit, name in ((found.t1, limits.t1, "t1_ratio"), (found.t3, limits.t3, "t3_ratio"),
-                                (found.t4, limits.t4, "t4_ratio")):  # fmt: skip
+    window_batch = BatchMonitor(reference, SETTINGS).scan(track_of(samples), 1.0)
+    assert window_batch is not None
+    assert window_batch.s == pytest.approx([o.s_end for o in expected], abs=1e-9)
+    for values, limit, name in ((window_batch.t1, limits.t1, "t1_ratio"), (window_batch.t3, limits.t3, "t3_ratio"),
+                                (window_batch.t4, limits.t4, "t4_ratio")):  # fmt: skip
         assert values / limit == pytest.approx([getattr(o, name) for o in expected], rel=1e-9)
     evaluated = np.array([o.t2_ratio is not None for o in expected])
     assert evaluated.any()
-    assert (found.t2 / limits.t2)[evaluated] == pytest.approx([o.t2_ratio for o in expected if o.t2_ratio is not None])
-    assert found.observability == pytest.approx([o.observability for o in expected])
-    assert found.height_error_sd == pytest.approx([o.height_error_sd for o in expected])
+    assert (window_batch.t2 / limits.t2)[evaluated] == pytest.approx(
+        [o.t2_ratio for o in expected if o.t2_ratio is not None]
+    )
+    assert window_batch.observability == pytest.approx([o.observability for o in expected])
+    assert window_batch.height_error_sd == pytest.approx([o.height_error_sd for o in expected])
 
 
 @pytest.mark.parametrize(

@@ -44,44 +44,44 @@ STANDING = PlausibilityFinding(Reason.JUMP, T0 - 5 * S, "before", is_standing=Tr
 
 
 def test_a_refusal_that_does_not_stand_ends_after_30_s() -> None:
-    found = receiver(PlausibilityFinding(Reason.REPEATED, T0 - 5 * S, "before"))
-    assert not found.is_valid_at(28.0)
-    assert found.is_valid_at(33.0)
+    result = receiver(PlausibilityFinding(Reason.REPEATED, T0 - 5 * S, "before"))
+    assert not result.is_valid_at(28.0)
+    assert result.is_valid_at(33.0)
 
 
 def test_a_contradiction_that_stood_is_ended_by_the_operator_alone() -> None:
     assert not any(valid for _, valid, _ in receiver(STANDING).valid)
-    found = receiver(STANDING, readmit_s=100.0)
-    assert not found.is_valid_at(99.0)
-    assert found.is_valid_at(102.0), "time in which the tests have passed before counts"
+    result = receiver(STANDING, readmit_s=100.0)
+    assert not result.is_valid_at(99.0)
+    assert result.is_valid_at(102.0), "time in which the tests have passed before counts"
 
 
 def test_a_step_there_and_back_does_not_end_what_stood_before() -> None:
     """It cancels itself: nothing is known of the contradiction of before."""
-    found = receiver(STANDING, there_and_back=True)
-    assert not any(valid for _, valid, _ in found.valid)
+    result = receiver(STANDING, there_and_back=True)
+    assert not any(valid for _, valid, _ in result.valid)
 
 
 def test_the_filter_does_not_begin_with_a_receiver_that_the_one_before_excluded() -> None:
-    found = fly(draw(0), restored=[excluded("gnss", RefusedPart.AIDING)])
-    assert found.t == []
-    assert "gnss: still refused after navigation was started again" in found.texts()
+    flight = fly(draw(0), restored=[excluded("gnss", RefusedPart.AIDING)])
+    assert flight.t == []
+    assert "gnss: still refused after navigation was started again" in flight.texts()
 
 
 def test_beside_another_receiver_it_stays_excluded() -> None:
-    found = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING)])
-    assert len(found.refused_at("gnss")) == len(found.t) > 500
-    assert found.mode[-1] is FilterMode.AIDED
-    assert found.misled(60.0) == 0.0
+    flight = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING)])
+    assert len(flight.refused_at("gnss")) == len(flight.t) > 500
+    assert flight.mode[-1] is FilterMode.AIDED
+    assert flight.misled(60.0) == 0.0
 
 
 def test_a_height_alone_stays_excluded() -> None:
     """A second receiver gives the height; the position of the first one aids."""
-    found = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING_HEIGHT)])
-    assert len(found.refused_at("gnss")) == 0
-    assert found.mode[-1] is FilterMode.AIDED
-    assert "gnss height: still refused" in found.texts()
-    assert "gnss height: aids the filter again" not in found.texts()
+    flight = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING_HEIGHT)])
+    assert len(flight.refused_at("gnss")) == 0
+    assert flight.mode[-1] is FilterMode.AIDED
+    assert "gnss height: still refused" in flight.texts()
+    assert "gnss height: aids the filter again" not in flight.texts()
 
 
 def test_the_altitude_of_a_receiver_whose_height_is_excluded_is_not_used() -> None:
@@ -104,9 +104,9 @@ def test_the_altitude_of_a_receiver_whose_height_is_excluded_is_not_used() -> No
 
 
 def test_refusals_of_other_devices_are_left_out() -> None:
-    found = fly(draw(0), restored=[excluded("other", RefusedPart.AIDING)])
-    assert found.mode[-1] is FilterMode.AIDED
-    assert not found.events
+    flight = fly(draw(0), restored=[excluded("other", RefusedPart.AIDING)])
+    assert flight.mode[-1] is FilterMode.AIDED
+    assert not flight.events
 
 
 @pytest.mark.parametrize(("level_m", "is_refused"), [(40.0, False), (60.0, True)])

@@ -37,8 +37,8 @@ def run(monitor: ClearanceMonitor, samples: Iterable[ClearanceSample]) -> list[C
 
 def states(outputs: Iterable[ClearanceIntegrity]) -> list[IntegrityState]:
     """The states, without repetitions."""
-    found = [output.state for output in outputs]
-    return found[:1] + [b for a, b in pairwise(found) if a is not b]
+    results = [output.state for output in outputs]
+    return results[:1] + [b for a, b in pairwise(results) if a is not b]
 
 
 def near(outputs: list[ClearanceIntegrity], s: float) -> ClearanceIntegrity:
@@ -57,49 +57,49 @@ def bins_of(reference: ApproachReference, shift: float = 0.0, offset: float = 0.
 
 @pytest.mark.parametrize("shift", [-150.0, -35.0, 0.0, 35.0, 100.0])
 def test_match_finds_an_injected_shift(reference: ApproachReference, shift: float) -> None:
-    found = Matcher(reference, 50.0).evaluate(bins_of(reference, shift), 1.0)
-    assert found.shift == pytest.approx(shift, abs=1.0)
-    assert found.t2 == pytest.approx(found.t1, abs=1e-6)
-    assert (found.t1 > 20.0) is (shift != 0.0)
+    statistics = Matcher(reference, 50.0).evaluate(bins_of(reference, shift), 1.0)
+    assert statistics.shift == pytest.approx(shift, abs=1.0)
+    assert statistics.t2 == pytest.approx(statistics.t1, abs=1e-6)
+    assert (statistics.t1 > 20.0) is (shift != 0.0)
 
 
 def test_match_finds_a_shift_between_the_steps(reference: ApproachReference) -> None:
     here = np.interp(reference.s[200:281] + 33.0, reference.s, reference.z_ref)
-    found = Matcher(reference, 50.0).evaluate(Bins(200, np.ones(81, bool), here, np.zeros(81)), 1.0)
-    assert found.shift == pytest.approx(33.0, abs=0.5)
+    statistics = Matcher(reference, 50.0).evaluate(Bins(200, np.ones(81, bool), here, np.zeros(81)), 1.0)
+    assert statistics.shift == pytest.approx(33.0, abs=0.5)
 
 
 def test_a_shift_beyond_the_last_tried_is_unknown_not_zero(reference: ApproachReference) -> None:
     bowl = dataclasses.replace(reference, z_ref=1e-3 * (reference.s - 1000.0) ** 2)
-    found = Matcher(bowl, 50.0).evaluate(bins_of(bowl, shift=300.0), 1.0)
-    assert (found.shift, found.shift_sd) == (None, None)
+    statistics = Matcher(bowl, 50.0).evaluate(bins_of(bowl, shift=300.0), 1.0)
+    assert (statistics.shift, statistics.shift_sd) == (None, None)
     assert Matcher(bowl, 50.0).evaluate(bins_of(bowl, shift=150.0), 1.0).shift == pytest.approx(150.0, abs=0.1)
 
 
 def test_a_constant_height_error_is_in_t3_alone(reference: ApproachReference) -> None:
     clean = Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0)
-    found = Matcher(reference, 50.0).evaluate(bins_of(reference, offset=12.0), 1.0)
-    assert found.height_error == pytest.approx(12.0)
-    assert (found.t1, found.t2, found.t4) == pytest.approx((clean.t1, clean.t2, clean.t4), abs=1e-9)
+    statistics = Matcher(reference, 50.0).evaluate(bins_of(reference, offset=12.0), 1.0)
+    assert statistics.height_error == pytest.approx(12.0)
+    assert (statistics.t1, statistics.t2, statistics.t4) == pytest.approx((clean.t1, clean.t2, clean.t4), abs=1e-9)
     # s_b^2 = navigation 1 + datum 1 + (K / K_eff) / sum w with K_eff = 10 and w = 1 / 1.25
-    assert found.height_error_sd == pytest.approx(math.sqrt(1 + 1 + 1.25 / 10))
-    assert found.t3 == pytest.approx(12.0 / found.height_error_sd)
+    assert statistics.height_error_sd == pytest.approx(math.sqrt(1 + 1 + 1.25 / 10))
+    assert statistics.t3 == pytest.approx(12.0 / statistics.height_error_sd)
 
 
 def test_t1_is_the_weighted_sum_of_squares(reference: ApproachReference) -> None:
     bins = bins_of(reference)
     z = bins.z + np.resize([1.0, -1.0], 81)
-    found = Matcher(reference, 50.0).evaluate(Bins(200, bins.filled, z, bins.dh), 1.0)
+    statistics = Matcher(reference, 50.0).evaluate(Bins(200, bins.filled, z, bins.dh), 1.0)
     mean = 1 / 81
-    assert found.t1 == pytest.approx(10 / 81 * 81 * (1 - mean**2) / 1.25)
+    assert statistics.t1 == pytest.approx(10 / 81 * 81 * (1 - mean**2) / 1.25)
 
 
 def test_empty_bins_have_no_weight(reference: ApproachReference) -> None:
     bins = bins_of(reference)
     filled = np.arange(81) % 7 != 0
-    found = Matcher(reference, 50.0).evaluate(Bins(200, filled, np.where(filled, bins.z, 0.0), bins.dh), 1.0)
-    assert found.t1 == pytest.approx(0.0, abs=1e-9)
-    assert found.shift == pytest.approx(0.0, abs=0.5)
+    statistics = Matcher(reference, 50.0).evaluate(Bins(200, filled, np.where(filled, bins.z, 0.0), bins.dh), 1.0)
+    assert statistics.t1 == pytest.approx(0.0, abs=1e-9)
+    assert statistics.shift == pytest.approx(0.0, abs=0.5)
 
 
 def test_t4_is_the_excess_over_the_median_of_what_was_seen(reference: ApproachReference) -> None:
@@ -107,17 +107,19 @@ def test_t4_is_the_excess_over_the_median_of_what_was_seen(reference: ApproachRe
     filled = np.arange(81) % 5 != 3
     residual = np.linspace(4.0, -3.0, 81)
     residual[6] = 15.0
-    found = Matcher(reference, 50.0).evaluate(Bins(200, filled, np.where(filled, bins.z + residual, 0.0), bins.dh), 1.0)
-    assert found.t4 == pytest.approx((15.0 - np.median(residual[filled])) / math.sqrt(1.25))
+    statistics = Matcher(reference, 50.0).evaluate(
+        Bins(200, filled, np.where(filled, bins.z + residual, 0.0), bins.dh), 1.0
+    )
+    assert statistics.t4 == pytest.approx((15.0 - np.median(residual[filled])) / math.sqrt(1.25))
 
 
 def test_observability_is_that_of_the_flatter_side_of_the_peak(reference: ApproachReference) -> None:
-    found = Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0)
+    statistics = Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0)
     here = reference.z_ref[200:281]
     sides = [here - reference.z_ref[200 + k : 281 + k] for k in (-10, 10)]
     sharp = [10 / 81 * float(((e - e.mean()) ** 2).sum()) / 1.25 for e in sides]
     assert sharp[0] != pytest.approx(sharp[1])
-    assert found.observability == pytest.approx(min(sharp))
+    assert statistics.observability == pytest.approx(min(sharp))
 
 
 def test_flat_ground_is_not_observable(reference: ApproachReference) -> None:
@@ -140,8 +142,8 @@ def test_protection_levels_add_limit_and_missed_detection(monitor: ClearanceMoni
 def test_resolution_is_that_of_the_peak(reference: ApproachReference) -> None:
     """For a slope of 1 in 10 that changes sides every 50 m: J(d) = sum w (0.1 d)^2, and s_s = 1 / sqrt(J / d^2)."""
     zigzag = dataclasses.replace(reference, z_ref=np.abs((reference.s + 25.0) % 100.0 - 50.0) * 0.1)
-    found = Matcher(zigzag, 50.0).evaluate(bins_of(zigzag), 1.0)
-    assert found.shift_resolution == pytest.approx(1.0 / math.sqrt(10 * 0.01 / 1.25), rel=0.15)
+    statistics = Matcher(zigzag, 50.0).evaluate(bins_of(zigzag), 1.0)
+    assert statistics.shift_resolution == pytest.approx(1.0 / math.sqrt(10 * 0.01 / 1.25), rel=0.15)
 
 
 def test_a_height_as_large_as_its_protection_level_is_seen_in_999_of_1000(reference: ApproachReference) -> None:

@@ -67,8 +67,8 @@ def test_a_source_confirms_half_of_the_contradiction(
     apart_m: float, source_sd: float, size_m: float, tolerance: float | None
 ) -> None:
     """By hand, with K = 4.80."""
-    found = find_tolerance(at(0.0), at(apart_m, source_sd), Size(size_m), LIMITS)
-    assert found == (None if tolerance is None else pytest.approx(tolerance, abs=0.2))
+    value = find_tolerance(at(0.0), at(apart_m, source_sd), Size(size_m), LIMITS)
+    assert value == (None if tolerance is None else pytest.approx(tolerance, abs=0.2))
 
 
 def test_a_height_that_contradicts_needs_a_height_of_the_source() -> None:
@@ -157,16 +157,16 @@ def fly(flight: Flight, fault: Fault, source: list[str] | None, *, filtered: boo
     truth = flight.truth.state(flight.t)
     receiver = _receiver(fault(flight.receivers["gnss"]))
     rows = sorted([*receiver, *_independent_source(flight), *_air(flight)], key=lambda r: r[0])
-    taken = 0
+    number = 0
     for k, t in enumerate(flight.t[flight.t < until_s].tolist()):
         t_ns = T0 + round(t * SECOND_NS)
         stamp, row = Stamp(t_ns), flight.imu[k].tolist()
         out = pipeline.feed("imu", ImuSample(stamp=stamp, accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])))
         roll, pitch, heading = (float(getattr(truth, name)[k]) for name in ("roll", "pitch", "heading"))
         out += pipeline.feed("imu", Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading))
-        while taken < len(rows) and rows[taken][0] < t:
-            out += pipeline.feed(*rows[taken][1:])
-            taken += 1
+        while number < len(rows) and rows[number][0] < t:
+            out += pipeline.feed(*rows[number][1:])
+            number += 1
         out += [*pipeline.tick(t_ns), *pipeline.tick(t_ns + SECOND_NS // 50)]
         for each in out:
             _record(log, each, t, float(truth.lat[k]), float(truth.lon[k]))
@@ -185,29 +185,29 @@ def _record(log: FlightLog, each: Any, t: float, lat: float, lon: float) -> None
 
 
 def _receiver(fixes: Fixes) -> list[tuple[float, str, Measurement]]:
-    found: list[tuple[float, str, Measurement]] = []
+    rows: list[tuple[float, str, Measurement]] = []
     for t, lat, lon, alt, vel in zip(
         *(c.tolist() for c in (fixes.t, fixes.lat, fixes.lon, fixes.alt, fixes.vel)), strict=True
     ):
         stamp = Stamp(T0 + round(t * SECOND_NS))
-        found.append((t, "gnss", Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=1.8, vertical_sd=2.7)))
-        found.append((t, "gnss", Velocity(stamp=stamp, north=vel[0], east=vel[1], down=vel[2], sd=VELOCITY_SD)))
-    return found
+        rows.append((t, "gnss", Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=1.8, vertical_sd=2.7)))
+        rows.append((t, "gnss", Velocity(stamp=stamp, north=vel[0], east=vel[1], down=vel[2], sd=VELOCITY_SD)))
+    return rows
 
 
 def _independent_source(flight: Flight) -> list[tuple[float, str, Measurement]]:
     rng, t = np.random.default_rng(7), np.arange(0.6, flight.t[-1], 1.0)
     state = flight.truth.state(t)
     errors = rng.normal(0.0, 8.0, (len(t), 3)) / [RADIUS, RADIUS * np.cos(LAT), 1.0]
-    found: list[tuple[float, str, Measurement]] = []
+    rows: list[tuple[float, str, Measurement]] = []
     for k, at_s in enumerate(t.tolist()):
         lat, lon, alt = (float(getattr(state, n)[k] + errors[k, i]) for i, n in enumerate(("lat", "lon", "alt")))
         stamp, (north, east, down) = Stamp(T0 + round(at_s * SECOND_NS)), state.vel_n[k].tolist()
-        found.append((at_s, "box", Velocity(stamp=stamp, north=north, east=east, down=down, sd=0.5)))
-        found.append(
+        rows.append((at_s, "box", Velocity(stamp=stamp, north=north, east=east, down=down, sd=0.5)))
+        rows.append(
             (at_s, "box", Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=10.0, vertical_sd=10.0))
         )
-    return found
+    return rows
 
 
 def _air(flight: Flight) -> list[tuple[float, str, Measurement]]:

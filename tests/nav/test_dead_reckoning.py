@@ -31,22 +31,22 @@ def numbers(request: pytest.FixtureRequest) -> range:
     return range(10 if request.config.getoption("--scale") == "full" else 1)
 
 
-def moved(found: FlightResult, other: FlightResult) -> float:
+def moved(result: FlightResult, other: FlightResult) -> float:
     """Largest distance between two results after the settling [m]."""
-    late = np.array(found.t) > SETTLED
-    apart = np.array(found.error)[late] - np.array(other.error)[late]
+    late = np.array(result.t) > SETTLED
+    apart = np.array(result.error)[late] - np.array(other.error)[late]
     return float(np.hypot(*apart.T).max())
 
 
-def misled(found: FlightResult) -> float:
+def misled(result: FlightResult) -> float:
     """Share of the time with an error beyond the protection level."""
-    late = np.array(found.t) > SETTLED
-    return float(np.mean((found.radial > np.array(found.hpl))[late]))
+    late = np.array(result.t) > SETTLED
+    return float(np.mean((result.radial > np.array(result.hpl))[late]))
 
 
-def heading_error_deg(found: FlightResult) -> float:
+def heading_error_deg(result: FlightResult) -> float:
     """Largest one after the settling."""
-    return float(np.rad2deg(np.abs(found.heading))[np.array(found.t) > SETTLED].max())
+    return float(np.rad2deg(np.abs(result.heading))[np.array(result.t) > SETTLED].max())
 
 
 def test_five_minutes_of_a_mems_unit_without_satellites(request: pytest.FixtureRequest) -> None:
@@ -54,19 +54,19 @@ def test_five_minutes_of_a_mems_unit_without_satellites(request: pytest.FixtureR
     errors, squares, headings = [], [], []
     for number in numbers(request):
         flight = draw(number, LOST + AFTER[1] + 2.0)
-        found = fly(flight, Case(lost=(LOST, np.inf)))
+        result = fly(flight, Case(lost=(LOST, np.inf)))
         alone = fly(flight, Case(airspeed=False, heading=False, lost=(LOST, np.inf)))
-        rows = [found.at(LOST + after) for after in AFTER]
-        errors.append([found.radial[row] for row in rows])
-        coasting = np.array(found.t) > LOST + 10.0
-        sigmas = np.array(found.error) / np.array(found.sd)[:, None]
+        rows = [result.at(LOST + after) for after in AFTER]
+        errors.append([result.radial[row] for row in rows])
+        coasting = np.array(result.t) > LOST + 10.0
+        sigmas = np.array(result.error) / np.array(result.sd)[:, None]
         squares.append(np.mean(sigmas[coasting] ** 2))
-        headings.append(np.mean((np.array(found.heading) / np.array(found.heading_sd))[coasting] ** 2))
-        shown = ", ".join(f"{found.radial[r]:.0f} m (sigma {found.sd[r]:.0f} m)" for r in rows)
+        headings.append(np.mean((np.array(result.heading) / np.array(result.heading_sd))[coasting] ** 2))
+        shown = ", ".join(f"{result.radial[r]:.0f} m (sigma {result.sd[r]:.0f} m)" for r in rows)
         print(f"#{number}: after 120 and 299 s {shown}; without the aids until {alone.t[-1] - LOST:.0f} s:")
         print(f"    {alone.radial[-1]:.0f} m (sigma {alone.sd[-1]:.0f} m)")
         assert alone.t[-1] < LOST + AFTER[0], "its sigma has passed 2 km"
-        assert found.t[-1] >= LOST + AFTER[1]
+        assert result.t[-1] >= LOST + AFTER[1]
     rms, z = np.sqrt(np.mean(np.square(errors), axis=0)), float(np.sqrt(np.mean(squares)))
     z_heading = float(np.sqrt(np.mean(headings)))
     print(f"rms error {rms[0]:.0f} m, {rms[1]:.0f} m; error over sigma: {z:.2f}, of the heading {z_heading:.2f}")
@@ -92,29 +92,29 @@ PITOTS = {"low": low(WRONG, 0.3), "icing": icing(WRONG, 60.0, 0.3), "stuck": stu
 @pytest.mark.parametrize("name", PITOTS)
 def test_a_wrong_airspeed_beside_satellites_moves_nothing(name: str, flight: Flight, without: FlightResult) -> None:
     """But for the one that comes before the first fix."""
-    found = fly(flight, Case(heading=False, pitot=PITOTS[name]))
-    assert moved(found, without) < 1e-3
-    assert not any(found.refused)
-    assert not found.events
-    assert any("air.airspeed" in solution.rejected for solution in found.solutions) == (name == "low")
+    result = fly(flight, Case(heading=False, pitot=PITOTS[name]))
+    assert moved(result, without) < 1e-3
+    assert not any(result.refused)
+    assert not result.events
+    assert any("air.airspeed" in solution.rejected for solution in result.solutions) == (name == "low")
 
 
 @pytest.mark.parametrize("begin", [-1.0, WRONG])
 def test_a_magnetometer_10_deg_off_beside_satellites(begin: float, flight: Flight, without: FlightResult) -> None:
     """On a straight flight with a MEMS unit and no other source of heading."""
-    found = fly(flight, Case(airspeed=False, iron=rotate_field(begin, 10.0)))
-    print(f"moved by {moved(found, without):.2f} m; heading {heading_error_deg(found):.1f} deg off,")
+    result = fly(flight, Case(airspeed=False, iron=rotate_field(begin, 10.0)))
+    print(f"moved by {moved(result, without):.2f} m; heading {heading_error_deg(result):.1f} deg off,")
     print(f"without {heading_error_deg(without):.1f} deg")
-    assert moved(found, without) < STILL_M
-    assert not any(found.refused)
-    assert not found.events
-    assert heading_error_deg(found) < 15.0
+    assert moved(result, without) < STILL_M
+    assert not any(result.refused)
+    assert not result.events
+    assert heading_error_deg(result) < 15.0
 
 
 def test_a_mems_unit_that_flies_straight_keeps_its_heading(flight: Flight, without: FlightResult) -> None:
-    found = fly(flight, Case(airspeed=False))
-    assert heading_error_deg(found) < 9.0
-    assert heading_error_deg(without) > 2.0 * heading_error_deg(found)
+    result = fly(flight, Case(airspeed=False))
+    assert heading_error_deg(result) < 9.0
+    assert heading_error_deg(without) > 2.0 * heading_error_deg(result)
 
 
 def test_a_tactical_heading_does_not_follow_a_wrong_magnetometer() -> None:
@@ -123,21 +123,21 @@ def test_a_tactical_heading_does_not_follow_a_wrong_magnetometer() -> None:
     without = fly(flight, Case(airspeed=False, heading=False, unit="tactical"))
     late = np.array(without.t) > SETTLED
     for angle_deg in (3.0, 10.0):
-        found = fly(flight, Case(airspeed=False, unit="tactical", iron=rotate_field(-1.0, angle_deg)))
-        both = np.rad2deg(np.array(found.heading) - np.array(without.heading))[late]
+        result = fly(flight, Case(airspeed=False, unit="tactical", iron=rotate_field(-1.0, angle_deg)))
+        both = np.rad2deg(np.array(result.heading) - np.array(without.heading))[late]
         assert np.abs(both).max() < 1.0
-        assert moved(found, without) < STILL_M
-        assert not any(found.refused)
+        assert moved(result, without) < STILL_M
+        assert not any(result.refused)
 
 
 def test_sound_ones_are_not_blamed_when_satellites_come_back(request: pytest.FixtureRequest) -> None:
     lost, back = 110.0, 170.0
     for number in numbers(request):
-        found = fly(draw(number, back + 40.0), Case(lost=(lost, back)))
-        assert misled(found) == 0.0
-        assert not any(found.refused)
-        assert [event.level for _, event in found.events] == ["info"], found.texts()
-        assert found.radial[-1] < 6.0
+        result = fly(draw(number, back + 40.0), Case(lost=(lost, back)))
+        assert misled(result) == 0.0
+        assert not any(result.refused)
+        assert [event.level for _, event in result.events] == ["info"], result.texts()
+        assert result.radial[-1] < 6.0
 
 
 LIES: dict[str, tuple[Fault | None, Fault | None]] = {
@@ -155,10 +155,10 @@ def test_what_lies_without_satellites_is_within_the_level_and_excludes_nobody(
     lost, back = 110.0, 250.0
     for number in numbers(request):
         flight = draw(number, back + 25.0)
-        found = fly(flight, Case(lost=(lost, back), pitot=pitot, iron=iron))
-        print(f"{name} #{number}: {found.radial.max():.0f} m\n{found.texts()}")
-        assert found.radial.max() > 300.0
-        assert misled(found) == 0.0
-        assert not any(found.refused)
-        assert found.radial[-1] < 6.0
-        assert "excluded: gnss came back outside the gate of the filter" in found.texts()
+        result = fly(flight, Case(lost=(lost, back), pitot=pitot, iron=iron))
+        print(f"{name} #{number}: {result.radial.max():.0f} m\n{result.texts()}")
+        assert result.radial.max() > 300.0
+        assert misled(result) == 0.0
+        assert not any(result.refused)
+        assert result.radial[-1] < 6.0
+        assert "excluded: gnss came back outside the gate of the filter" in result.texts()

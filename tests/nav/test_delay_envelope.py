@@ -54,8 +54,8 @@ def test_the_slope_is_inside_its_interval_in_nine_of_ten(name: str, scale: int) 
 @pytest.mark.parametrize(("name", "method"), [("jitter of both signs", "core"), ("all late", "edge")])
 def test_the_better_estimator_is_taken(name: str, method: str) -> None:
     x = seconds(N)
-    taken = [fit_line(x, MS * CLOUDS[name](np.random.default_rng(seed))) for seed in range(10)]
-    assert sum(line is not None and line.method == method for line in taken) >= 9
+    envelope_lines = [fit_line(x, MS * CLOUDS[name](np.random.default_rng(seed))) for seed in range(10)]
+    assert sum(line is not None and line.method == method for line in envelope_lines) >= 9
 
 
 @given(

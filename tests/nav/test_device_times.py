@@ -164,9 +164,9 @@ def test_the_same_measurements_give_the_same_notes() -> None:
 def test_only_the_stamp_is_another_one(kind: Any) -> None:
     required = {f.name for f in dataclasses.fields(kind) if f.default is dataclasses.MISSING} - {"stamp"}
     measurement = kind(stamp=Stamp(1), **{name: name for name in required})
-    found = restamp(measurement, Stamp(2))
-    assert found == dataclasses.replace(measurement, stamp=Stamp(2))
-    assert type(found) is kind and measurement.stamp == Stamp(1)
+    result = restamp(measurement, Stamp(2))
+    assert result == dataclasses.replace(measurement, stamp=Stamp(2))
+    assert type(result) is kind and measurement.stamp == Stamp(1)
 
 
 def test_a_part_that_is_not_valid_counts_from_its_arrival_in_one_message_with_others() -> None:

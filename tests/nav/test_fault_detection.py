@@ -90,25 +90,25 @@ def test_a_receiver_that_lies_is_refused_and_nobody_is_misled(
     """Without the tests the filter followed all of them, the step after 5 s, with a sigma of 1.6 m."""
     fault, limit_s = STANDING[name]
     for number in numbers(request):
-        found = fly(draw(number), {"gnss": fault}, until_s=until_s)
-        refused = found.refused_at("gnss")
-        print(f"{name} #{number}: refused after {refused[:1] - BEGIN} s\n{found.texts()}")
+        flight = fly(draw(number), {"gnss": fault}, until_s=until_s)
+        refused = flight.refused_at("gnss")
+        print(f"{name} #{number}: refused after {refused[:1] - BEGIN} s\n{flight.texts()}")
         assert refused[0] > BEGIN
         assert refused[0] - BEGIN <= limit_s
-        assert refused[-1] == pytest.approx(max(found.t)), "a lie that lasts stays refused"
-        assert found.misled(SETTLED) == 0.0
-        assert found.mode[-1] is FilterMode.COASTING
-        assert any(event.level == "warning" and "gnss: refused" in event.text for _, event in found.events)
+        assert refused[-1] == pytest.approx(max(flight.t)), "a lie that lasts stays refused"
+        assert flight.misled(SETTLED) == 0.0
+        assert flight.mode[-1] is FilterMode.COASTING
+        assert any(event.level == "warning" and "gnss: refused" in event.text for _, event in flight.events)
 
 
 def test_a_ramp_soon_after_the_first_copy_is_within_the_protection_level(until_s: float) -> None:
     """The copy is too young to be certain of it, and is not replaced any more: nothing is refused, and it counts."""
     begin = 23.0
     offset, velocity = ramp(1.0, 100.0)
-    found = fly(draw(0), {"gnss": offset_after(begin, offset, velocity)}, until_s=until_s)
-    print(found.texts())
-    assert found.radial.max() > 30.0
-    assert found.misled(begin) == 0.0
+    flight = fly(draw(0), {"gnss": offset_after(begin, offset, velocity)}, until_s=until_s)
+    print(flight.texts())
+    assert flight.radial.max() > 30.0
+    assert flight.misled(begin) == 0.0
 
 
 ENDING: dict[str, Fault] = {
@@ -123,74 +123,74 @@ def test_a_contradiction_that_ends_by_a_step_is_forgiven_after_30_s(
     name: str, until_s: float, request: pytest.FixtureRequest
 ) -> None:
     for number in numbers(request):
-        found = fly(draw(number), {"gnss": ENDING[name]}, until_s=until_s)
-        refused = found.refused_at("gnss")
-        assert END + 29.0 <= refused[-1] <= END + 34.0, found.texts()
-        assert found.misled(SETTLED) == 0.0
-        assert found.mode[-1] is FilterMode.AIDED
-        assert found.radial[-1] < 5.0
+        flight = fly(draw(number), {"gnss": ENDING[name]}, until_s=until_s)
+        refused = flight.refused_at("gnss")
+        assert END + 29.0 <= refused[-1] <= END + 34.0, flight.texts()
+        assert flight.misled(SETTLED) == 0.0
+        assert flight.mode[-1] is FilterMode.AIDED
+        assert flight.radial[-1] < 5.0
 
 
 def test_a_lie_of_the_size_that_the_filter_has_drifted_stays_unconfirmed() -> None:
     """A ramp that ends and stands: the coasting filter agrees with it sooner or later, and does not let it in."""
     offset, velocity = ramp(1.0, 100.0)
     shifted = offset_after(BEGIN, lambda s: offset(np.minimum(s, 20.0)), until(20.0, velocity))
-    found = fly(draw(0), {"gnss": shifted})
-    assert found.refused_at("gnss")[-1] == pytest.approx(max(found.t))
-    assert "unconfirmed" in found.texts()
-    assert found.misled(SETTLED) == 0.0
+    flight = fly(draw(0), {"gnss": shifted})
+    assert flight.refused_at("gnss")[-1] == pytest.approx(max(flight.t))
+    assert "unconfirmed" in flight.texts()
+    assert flight.misled(SETTLED) == 0.0
 
 
 def test_a_wrong_height_leaves_the_position_in(until_s: float) -> None:
     """47 m of undulation from a moment on, and back: beside a barometer the height alone is refused."""
     fault = offset_after(BEGIN, until(END - BEGIN, constant(0.0, 0.0, 47.0)))
-    found = fly(draw(0), {"gnss": fault}, until_s=until_s)
-    assert "gnss height: refused" in found.texts()
-    assert "gnss height: aids the filter again" in found.texts()
-    assert len(found.refused_at("gnss")) == 0
-    assert found.misled(SETTLED) == 0.0
-    assert max(abs(e[2]) for t, e in zip(found.t, found.error, strict=True) if t > SETTLED) < 12.0
+    flight = fly(draw(0), {"gnss": fault}, until_s=until_s)
+    assert "gnss height: refused" in flight.texts()
+    assert "gnss height: aids the filter again" in flight.texts()
+    assert len(flight.refused_at("gnss")) == 0
+    assert flight.misled(SETTLED) == 0.0
+    assert max(abs(e[2]) for t, e in zip(flight.t, flight.error, strict=True) if t > SETTLED) < 12.0
 
 
 def test_without_a_barometer_a_wrong_height_refuses_the_receiver(until_s: float) -> None:
-    found = fly(draw(0), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))}, baro=False, until_s=until_s)
-    assert found.refused_at("gnss")[0] - BEGIN <= 8.0
-    assert found.misled(SETTLED) == 0.0
+    flight = fly(draw(0), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))}, baro=False, until_s=until_s)
+    assert flight.refused_at("gnss")[0] - BEGIN <= 8.0
+    assert flight.misled(SETTLED) == 0.0
 
 
 @pytest.mark.parametrize("name", ["step", "frozen", "sharp ramp"])
 def test_of_two_receivers_the_one_that_lies_is_refused(name: str) -> None:
     """The other one goes on aiding: no coasting, and an error as before."""
-    found = fly(draw(0, ("gnss", "second")), {"gnss": STANDING[name][0]})
-    assert found.refused_at("gnss")[0] - BEGIN <= STANDING[name][1] + 5.0, (
+    flight = fly(draw(0, ("gnss", "second")), {"gnss": STANDING[name][0]})
+    assert flight.refused_at("gnss")[0] - BEGIN <= STANDING[name][1] + 5.0, (
         "which of the two, the inertial unit must say"
     )
-    assert len(found.refused_at("second")) == 0
-    assert found.misled(SETTLED) == 0.0
-    assert found.mode[-1] is FilterMode.AIDED
-    assert found.radial[np.array(found.t) > SETTLED].max() < 8.0
-    assert np.median(np.array(found.hpl)[np.array(found.t) > 400.0]) < 40.0, "as with one receiver alone"
+    assert len(flight.refused_at("second")) == 0
+    assert flight.misled(SETTLED) == 0.0
+    assert flight.mode[-1] is FilterMode.AIDED
+    assert flight.radial[np.array(flight.t) > SETTLED].max() < 8.0
+    assert np.median(np.array(flight.hpl)[np.array(flight.t) > 400.0]) < 40.0, "as with one receiver alone"
 
 
 @pytest.mark.parametrize("rate", [1.0, 3.0])
 def test_two_receivers_that_lie_alike_are_both_refused(rate: float, until_s: float) -> None:
     """One spoofer: the other one confirms nothing.  Refusing one of them let the filter follow the other."""
     fault = offset_after(BEGIN, *ramp(rate, 100.0))
-    found = fly(draw(0, ("gnss", "second")), {"gnss": fault, "second": fault}, until_s=until_s)
+    flight = fly(draw(0, ("gnss", "second")), {"gnss": fault, "second": fault}, until_s=until_s)
     for name in ("gnss", "second"):
-        assert found.refused_at(name)[0] - BEGIN <= 20.0
-        assert found.refused_at(name)[-1] == pytest.approx(max(found.t))
-    assert found.misled(SETTLED) == 0.0
+        assert flight.refused_at(name)[0] - BEGIN <= 20.0
+        assert flight.refused_at(name)[-1] == pytest.approx(max(flight.t))
+    assert flight.misled(SETTLED) == 0.0
 
 
 @pytest.mark.parametrize("lying", ["gnss", "second"])
 def test_of_two_receivers_that_part_slowly_the_sound_one_is_not_refused(lying: str) -> None:
     """0.3 m/s, which the inertial unit does not see: a draw, and levels that cover both."""
-    found = fly(draw(0, ("gnss", "second")), {lying: offset_after(BEGIN, *ramp(0.3, 100.0))})
+    flight = fly(draw(0, ("gnss", "second")), {lying: offset_after(BEGIN, *ramp(0.3, 100.0))})
     sound = "second" if lying == "gnss" else "gnss"
-    assert "contradiction: " in found.texts()
-    assert len(found.refused_at(sound)) == 0, found.texts()
-    assert found.misled(SETTLED) == 0.0
+    assert "contradiction: " in flight.texts()
+    assert len(flight.refused_at(sound)) == 0, flight.texts()
+    assert flight.misled(SETTLED) == 0.0
 
 
 def silent_after_an_outlier(at_s: float) -> Fault:
@@ -206,21 +206,21 @@ def silent_after_an_outlier(at_s: float) -> Fault:
 
 def test_a_receiver_that_falls_silent_after_a_wrong_fix_does_not_hold_the_copies() -> None:
     """The gate refused it for ever; no copy was replaced, and HPL was 8 km beside a sound receiver."""
-    found = fly(draw(0, ("gnss", "second")), {"second": silent_after_an_outlier(200.0)})
-    assert max(found.hpl[-60:]) < 30.0
-    assert not found.events, found.texts()
+    flight = fly(draw(0, ("gnss", "second")), {"second": silent_after_an_outlier(200.0)})
+    assert max(flight.hpl[-60:]) < 30.0
+    assert not flight.events, flight.texts()
 
 
 @pytest.mark.parametrize("from_s", [0.0, 200.0])
 def test_a_receiver_that_is_silent_while_another_one_lies_is_not_refused(from_s: float) -> None:
     """It was refused with it, unconfirmed for ever, and its old copy left the fault unresolved for 14 s."""
     faults = {"gnss": STANDING["sharp ramp"][0], "second": silent(from_s, 400.0)}
-    found = fly(draw(0, ("gnss", "second")), faults)
-    assert found.refused_at("gnss")[0] - BEGIN <= STANDING["sharp ramp"][1], found.texts()
-    assert len(found.refused_at("second")) == 0
-    assert found.misled(SETTLED) == 0.0
-    assert found.mode[-1] is FilterMode.AIDED
-    assert found.radial[-1] < 8.0
+    flight = fly(draw(0, ("gnss", "second")), faults)
+    assert flight.refused_at("gnss")[0] - BEGIN <= STANDING["sharp ramp"][1], flight.texts()
+    assert len(flight.refused_at("second")) == 0
+    assert flight.misled(SETTLED) == 0.0
+    assert flight.mode[-1] is FilterMode.AIDED
+    assert flight.radial[-1] < 8.0
 
 
 def without_samples(flight: Flight, from_s: float, to_s: float) -> Flight:
@@ -231,34 +231,34 @@ def without_samples(flight: Flight, from_s: float, to_s: float) -> Flight:
 
 def test_a_filter_that_begins_again_does_not_begin_with_a_receiver_that_contradicted_it() -> None:
     """A step of 100 m at 300 s, a gap of the inertial unit at 400 s: no position rather than a wrong one."""
-    found = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": STANDING["step"][0]})
-    assert max(found.t) == pytest.approx(399.0, abs=1.1)
-    assert found.misled(SETTLED) == 0.0
+    flight = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": STANDING["step"][0]})
+    assert max(flight.t) == pytest.approx(399.0, abs=1.1)
+    assert flight.misled(SETTLED) == 0.0
 
 
 def test_a_filter_that_begins_again_does_not_begin_with_a_height_that_contradicted_it() -> None:
     """47 m of height at 300 s, a gap of the inertial unit at 400 s: the altitude was 49 m off, its level 25 m."""
-    found = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
-    assert "gnss height: refused" in found.texts()
-    assert max(found.t) == pytest.approx(399.0, abs=1.1)
-    assert found.misled(SETTLED) == 0.0
+    flight = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
+    assert "gnss height: refused" in flight.texts()
+    assert max(flight.t) == pytest.approx(399.0, abs=1.1)
+    assert flight.misled(SETTLED) == 0.0
 
 
 def test_a_filter_that_begins_again_with_another_height_still_refuses_the_one_that_contradicted() -> None:
     flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
-    found = fly(flight, {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
-    assert max(found.t) == pytest.approx(599.0, abs=1.1)
-    assert "gnss height: still refused after a restart of the filter" in found.texts()
-    assert found.misled(SETTLED) == 0.0
+    result = fly(flight, {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
+    assert max(result.t) == pytest.approx(599.0, abs=1.1)
+    assert "gnss height: still refused after a restart of the filter" in result.texts()
+    assert result.misled(SETTLED) == 0.0
 
 
 def test_a_filter_that_begins_again_with_another_receiver_still_refuses_the_one_that_lied() -> None:
     flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
-    found = fly(flight, {"gnss": STANDING["step"][0]})
-    assert found.refused_at("gnss")[-1] == pytest.approx(max(found.t))
-    assert max(found.t) == pytest.approx(599.0, abs=1.1)
-    assert "gnss: still refused after a restart of the filter" in found.texts()
-    assert found.misled(SETTLED) == 0.0
+    result = fly(flight, {"gnss": STANDING["step"][0]})
+    assert result.refused_at("gnss")[-1] == pytest.approx(max(result.t))
+    assert max(result.t) == pytest.approx(599.0, abs=1.1)
+    assert "gnss: still refused after a restart of the filter" in result.texts()
+    assert result.misled(SETTLED) == 0.0
 
 
 def nominal(numbers: range, receivers: tuple[str, ...]) -> list[FlightResult]:

@@ -37,18 +37,18 @@ def test_a_dot_is_0_36_deg_at_3_deg(deg: float, shown: float, clamped: bool) -> 
 
 def test_needle_height_and_navigation_stand_side_by_side(path: ApproachPath) -> None:
     alt = float(path.alt_path(1000.0)) + 12.0
-    found = glide_slope(OK, path, PathPosition(1000.0, -3.0, alt), HIGH)
-    assert found.valid
-    assert (found.t_ns, found.t_valid_ns, found.dh) == (5, 4, 10.0)
-    assert found.dh_nav == pytest.approx(12.0)
-    assert found.sd == pytest.approx(1e-3)
-    assert found.deviation == pytest.approx(deviation(1000.0, 10.0, GLIDE))
+    result = glide_slope(OK, path, PathPosition(1000.0, -3.0, alt), HIGH)
+    assert result.valid
+    assert (result.t_ns, result.t_valid_ns, result.dh) == (5, 4, 10.0)
+    assert result.dh_nav == pytest.approx(12.0)
+    assert result.sd == pytest.approx(1e-3)
+    assert result.deviation == pytest.approx(deviation(1000.0, 10.0, GLIDE))
 
 
 def test_below_150_m_there_are_only_metres(path: ApproachPath) -> None:
-    found = glide_slope(OK, path, PathPosition(149.0, 0.0, 210.0), HIGH)
-    assert (found.valid, found.reasons, found.deviation, found.dots) == (False, (Reason.BELOW_150_M,), None, None)
-    assert (found.dh, found.dh_sd) == (10.0, 1.0)
+    result = glide_slope(OK, path, PathPosition(149.0, 0.0, 210.0), HIGH)
+    assert (result.valid, result.reasons, result.deviation, result.dots) == (False, (Reason.BELOW_150_M,), None, None)
+    assert (result.dh, result.dh_sd) == (10.0, 1.0)
     assert glide_slope(OK, path, PathPosition(150.0, 0.0, 210.0), HIGH).valid
 
 
@@ -64,12 +64,12 @@ def test_below_150_m_there_are_only_metres(path: ApproachPath) -> None:
     ],
 )
 def test_valid_only_while_the_monitor_vouches(path: ApproachPath, integrity: ClearanceIntegrity, valid: bool) -> None:
-    found = glide_slope(integrity, path, PathPosition(1000.0, 0.0, 260.0), HIGH)
-    assert found.valid is valid
-    assert (Reason.INTEGRITY in found.reasons) is not valid
+    result = glide_slope(integrity, path, PathPosition(1000.0, 0.0, 260.0), HIGH)
+    assert result.valid is valid
+    assert (Reason.INTEGRITY in result.reasons) is not valid
 
 
 def test_without_a_position_everything_is_unknown(path: ApproachPath) -> None:
-    found = glide_slope(OK, path, None, None)
-    assert (found.valid, found.s, found.dh, found.deviation) == (False, None, None, None)
-    assert Reason.NO_POSITION in found.reasons
+    result = glide_slope(OK, path, None, None)
+    assert (result.valid, result.s, result.dh, result.deviation) == (False, None, None, None)
+    assert Reason.NO_POSITION in result.reasons

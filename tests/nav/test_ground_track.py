@@ -106,9 +106,9 @@ def integrity(channel: ApproachChannel, inputs: Iterator[tuple[ClearanceSample, 
 
 def test_an_approach_along_the_arc_is_vouched_for(channel: ApproachChannel, path: ApproachPath, flight: Flight) -> None:
     outputs = integrity(channel, flight_course(path, flight, level=False))
-    found = [o for o in outputs if o.t_ns > outputs[0].t_ns and (o.s_end is None or o.s_end < 2490.0)]
-    assert {o.state for o in found} <= {IntegrityState.OK, IntegrityState.MONITOR}
-    assert (found[0].s_end or 0.0) - (found[-1].s_end or 0.0) > 2200.0
+    results = [o for o in outputs if o.t_ns > outputs[0].t_ns and (o.s_end is None or o.s_end < 2490.0)]
+    assert {o.state for o in results} <= {IntegrityState.OK, IntegrityState.MONITOR}
+    assert (results[0].s_end or 0.0) - (results[-1].s_end or 0.0) > 2200.0
 
 
 def test_who_does_not_bank_with_the_track_is_refused(

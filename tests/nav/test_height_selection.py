@@ -29,20 +29,20 @@ def chosen(outputs: list[HeightBelowAircraft]) -> list[str]:
 
 def test_each_sample_of_the_chosen_one_is_a_height_and_of_the_others_none() -> None:
     selector = HeightSelector(["radar", "laser"])
-    found = [o for k in range(5) for name in ("radar", "laser") for o in selector.feed(height(name, k, 1.0))]
-    assert chosen(found) == ["radar"] * 5
-    assert (found[0].height_agl, found[0].sd, found[0].compensation) == (101.0, 1.0, Compensation.BEAM)
+    heights = [o for k in range(5) for name in ("radar", "laser") for o in selector.feed(height(name, k, 1.0))]
+    assert chosen(heights) == ["radar"] * 5
+    assert (heights[0].height_agl, heights[0].sd, heights[0].compensation) == (101.0, 1.0, Compensation.BEAM)
 
 
 def test_the_one_with_the_smaller_sigma_takes_over_when_that_has_lasted() -> None:
     selector = HeightSelector(["radar", "laser"])
-    found = [
+    heights = [
         o
         for k in range(100)
         for name, sd in (("radar", 2.0), ("laser", 0.5))
         for o in selector.feed(height(name, k, sd))
     ]
-    names = chosen(found)
+    names = chosen(heights)
     assert names[0] == "radar" and names[-1] == "laser"
     assert 45 <= names.index("laser") <= 52  # two seconds
     assert names == sorted(names, reverse=True)  # and it stays
@@ -51,13 +51,13 @@ def test_the_one_with_the_smaller_sigma_takes_over_when_that_has_lasted() -> Non
 def test_sigmas_that_are_nearly_equal_do_not_alternate() -> None:
     selector = HeightSelector(["radar", "laser"])
     sds = [(1.0 + 0.2 * (k % 2), 1.2 - 0.2 * (k % 2)) for k in range(200)]
-    found = [
+    heights = [
         o
         for k, pair in enumerate(sds)
         for name, sd in zip(("radar", "laser"), pair, strict=True)
         for o in selector.feed(height(name, k, sd))
     ]
-    assert set(chosen(found)) == {"radar"}
+    assert set(chosen(heights)) == {"radar"}
 
 
 def test_another_valid_one_takes_the_place_of_one_that_is_not_at_once() -> None:

@@ -120,9 +120,9 @@ def test_what_is_not_a_number_is_never_valid(
 
     outputs = fly(change, end=1500.0)
     settled = BROKEN + 600 * MS
-    found = integrity(outputs, settled)
-    assert found
-    assert {o.state for o in found} == {IntegrityState.UNAVAILABLE}
+    results = integrity(outputs, settled)
+    assert results
+    assert {o.state for o in results} == {IntegrityState.UNAVAILABLE}
     assert not valid_needles(outputs, settled)
     if kind is RadioHeight:
         assert not any(isinstance(o, HeightAboveGround) and o.valid for o in outputs if o.t_ns > settled)
@@ -152,19 +152,19 @@ def test_a_place_that_is_not_on_earth_is_no_position(fly: Callable[..., Outputs]
 
 def test_a_position_that_stands_still_is_refused_and_not_valid_for_ever(fly: Callable[..., Outputs]) -> None:
     """Frozen navigation with fresh times: the tests of its source refuse it, and there is no other one."""
-    held: dict[type, Measurement] = {}
+    measurements: dict[type, Measurement] = {}
 
     def change(t: int, m: Measurement) -> Measurement:
         if not isinstance(m, (Position, Velocity)) or t < BROKEN:
             return m
-        return replace(held.setdefault(type(m), m), stamp=m.stamp)
+        return replace(measurements.setdefault(type(m), m), stamp=m.stamp)
 
     outputs = fly(change)
     assert valid_needles(outputs, BROKEN - S)
-    found = integrity(outputs, BROKEN + 2700 * MS)
-    assert {(o.state, o.reasons) for o in found} == {(IntegrityState.UNAVAILABLE, (Reason.NO_POSITION,))}
+    results = integrity(outputs, BROKEN + 2700 * MS)
+    assert {(o.state, o.reasons) for o in results} == {(IntegrityState.UNAVAILABLE, (Reason.NO_POSITION,))}
     assert not valid_needles(outputs, BROKEN + 2700 * MS)
-    assert max(b.t_ns - a.t_ns for a, b in pairwise(found)) <= 560 * MS
+    assert max(b.t_ns - a.t_ns for a, b in pairwise(results)) <= 560 * MS
 
 
 @pytest.mark.parametrize("height", [0.0, 65535 * 0.3048])
@@ -194,30 +194,30 @@ def after_level_flight(value: float, *, sd: float | None = 0.1, tilt_sd: float |
 
 @pytest.mark.parametrize("value", [1.1e6, 1e12, 1e301, 1e308, -1e308])
 def test_a_range_that_no_altimeter_has_is_no_return(value: float) -> None:
-    found = after_level_flight(value)
-    assert found.reasons == (Reason.NO_RETURN,)
-    assert (found.raw, found.height_agl, found.nearest) == (None, None, None)
+    height = after_level_flight(value)
+    assert height.reasons == (Reason.NO_RETURN,)
+    assert (height.raw, height.height_agl, height.nearest) == (None, None, None)
 
 
 @pytest.mark.parametrize("sd", [None, 0.0, -3.0, 1e200, 1e308, *NOT_NUMBERS])
 @pytest.mark.parametrize("is_of_tilt", [False, True])
 def test_a_valid_height_has_a_finite_sigma_whatever_is_stated(sd: float | None, is_of_tilt: bool) -> None:
-    found = after_level_flight(300.0, tilt_sd=sd) if is_of_tilt else after_level_flight(300.0, sd=sd)
-    assert found.valid
-    for value in (found.sd, found.nearest_sd):
+    height = after_level_flight(300.0, tilt_sd=sd) if is_of_tilt else after_level_flight(300.0, sd=sd)
+    assert height.valid
+    for value in (height.sd, height.nearest_sd):
         assert value is not None
         assert math.isfinite(value)
         assert value >= (0.09 if is_of_tilt else 0.0)
 
 
 def test_a_stuck_altimeter_takes_the_needle_away_within_5_s(fly: Callable[..., Outputs]) -> None:
-    held: list[RadioHeight] = []
+    heights: list[RadioHeight] = []
 
     def change(t: int, m: Measurement) -> Measurement:
         if not isinstance(m, RadioHeight) or t < BROKEN:
             return m
-        held.append(m)
-        return replace(held[0], stamp=m.stamp)
+        heights.append(m)
+        return replace(heights[0], stamp=m.stamp)
 
     outputs = fly(change)
     assert not valid_needles(outputs, BROKEN + 5 * S)

@@ -76,19 +76,19 @@ def measurements(k: int, *, gnss: bool, alt: bool = True) -> list[tuple[str, Mea
     turn = (EARTH_RATE * math.cos(LAT), -SPEED / RADIUS, -EARTH_RATE * math.sin(LAT))
     lift = GRAVITY - SPEED**2 / RADIUS
     force = (0.0, 2.0 * EARTH_RATE * math.sin(LAT) * SPEED, -lift)
-    found: list[tuple[str, Measurement]] = [
+    rows: list[tuple[str, Measurement]] = [
         ("imu", ImuSample(stamp=stamp, accel_b=force, gyro_b=turn)),
         ("imu", Attitude(stamp=stamp, roll=0.0, pitch=0.0, heading=0.0)),
     ]
     if gnss and k % 20 == 0:
         height = ALT if alt else None
-        found += [
+        rows += [
             ("gnss", Position(stamp=stamp, lat=latitude(t), lon=0.2, alt=height, horizontal_sd=1.0, vertical_sd=1.5)),
             ("gnss", Velocity(stamp=stamp, north=SPEED, east=0.0, down=0.0 if alt else None, sd=0.05)),
         ]
     if k % 5 == 0:
-        found.append(("laser", Range(stamp=stamp, slant_range=ALT - GROUND_UP)))
-    return found
+        rows.append(("laser", Range(stamp=stamp, slant_range=ALT - GROUND_UP)))
+    return rows
 
 
 def level() -> Ground:
@@ -139,8 +139,8 @@ def test_without_gnss_the_filter_takes_over_and_reports_it(flight: Flight) -> No
     assert abs(last.lat - latitude(13.98)) * RADIUS < 5.0
     assert last.alt == pytest.approx(ALT, abs=3.0)
     texts = [o.text for o in without if isinstance(o, Event)]
-    held = "altitude: held by laser alone; a slow drift of its heights is not detected"
-    assert texts == ["position: from filter instead of gnss", held]
+    text = "altitude: held by laser alone; a slow drift of its heights is not detected"
+    assert texts == ["position: from filter instead of gnss", text]
     mode = [o for o in without if isinstance(o, FilterSolution)][-1]
     assert (mode.mode, mode.reasons) == (FilterMode.COASTING, (Reason.COASTING,))
 

@@ -36,8 +36,8 @@ def end(error: Array) -> tuple[Array, Array, Array]:
     quat = quat_from_mat((turn @ MAT_EB)[None])[0]
     start = Motion(ecef_from_geodetic(LAT, LON, 900.0) + error[:3], np.array([30.0, -40.0, 20.0]) + error[3:6], quat)
     imu = np.tile(FORCE_B - error[9:12], (n, 1)), np.tile(RATE_B - error[12:15], (n, 1))
-    found = integrate_fast(start, *imu, STEP, every=n - 1)
-    return found.pos_e[-1], found.vel_e[-1], mat_from_quat(found.quat_eb[-1])
+    motion = integrate_fast(start, *imu, STEP, every=n - 1)
+    return motion.pos_e[-1], motion.vel_e[-1], mat_from_quat(motion.quat_eb[-1])
 
 
 @pytest.mark.parametrize("state", range(15))

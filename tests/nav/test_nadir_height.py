@@ -44,8 +44,8 @@ def test_unknown_ground_gives_nan() -> None:
     holed = np.zeros((201, 201))
     holed[100, 102] = np.nan
     places = [[0.0, 0.0, 9.0], [-499.0, 0.0, 9.0], [np.nan, 0.0, 9.0], [200.0, 0.0, 9.0]]
-    found = ground_sd(_terrain(holed), places, 10.0)
-    assert np.isnan(found).tolist() == [True, True, True, False]
+    values = ground_sd(_terrain(holed), places, 10.0)
+    assert np.isnan(values).tolist() == [True, True, True, False]
 
 
 def test_the_ground_below_a_place_is_as_uncertain_as_the_place_on_its_slope() -> None:

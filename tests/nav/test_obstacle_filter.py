@@ -165,9 +165,9 @@ def test_windows_at_once_have_the_figures_of_the_monitor(
     samples = list(flight(begin=2950.0, end=900.0, speed=speed, surface=lambda s: 9.0 if 1500.0 < s < 1570.0 else 0.0))
     monitor = ClearanceMonitor(known, SETTINGS)
     expected = [o.t4_ratio for x in samples if (o := monitor.step(x)) is not None and o.t4_ratio is not None]
-    found = BatchMonitor(known, SETTINGS).scan(track_of(samples), 1.0)
-    assert found is not None
-    assert found.t4 / 6.0 == pytest.approx(expected, rel=1e-12)
+    window_batch = BatchMonitor(known, SETTINGS).scan(track_of(samples), 1.0)
+    assert window_batch is not None
+    assert window_batch.t4 / 6.0 == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("width", [40.0, 150.0])

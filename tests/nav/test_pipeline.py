@@ -166,23 +166,23 @@ def test_position_is_moved_on_with_the_velocity() -> None:
     pipeline = Pipeline(config(), None)
     velocity = Velocity(stamp=Stamp(T0), north=60.0, east=0.0, down=3.0)
     feed_all(pipeline, ("ins", attitude(T0)), ("ins", position(T0)), ("ins", velocity))
-    found = solution_at(pipeline, T0 + 100 * MS)
-    assert found.valid
-    assert found.lat is not None
-    assert found.alt is not None
-    assert (found.lat - 0.6) * 6.37e6 == pytest.approx(6.0, abs=0.05)
-    assert found.alt == pytest.approx(499.7, abs=1e-6)
+    solution = solution_at(pipeline, T0 + 100 * MS)
+    assert solution.valid
+    assert solution.lat is not None
+    assert solution.alt is not None
+    assert (solution.lat - 0.6) * 6.37e6 == pytest.approx(6.0, abs=0.05)
+    assert solution.alt == pytest.approx(499.7, abs=1e-6)
 
 
 def test_position_without_velocity_moves_at_the_rate_of_its_positions() -> None:
     pipeline = Pipeline(config(), None)
     for k in range(3):
         feed_all(pipeline, ("gnss", position(T0 + k * 200 * MS, 0.6 + k * 2e-6, alt=500.0 + k)))
-    found = solution_at(pipeline, T0 + 600 * MS)
-    assert found.position_source == "gnss"
-    assert found.lat == pytest.approx(0.6 + 6e-6, abs=1e-9)
-    assert found.alt == pytest.approx(503.0, abs=1e-5)
-    assert found.vel_down == pytest.approx(-5.0)
+    solution = solution_at(pipeline, T0 + 600 * MS)
+    assert solution.position_source == "gnss"
+    assert solution.lat == pytest.approx(0.6 + 6e-6, abs=1e-9)
+    assert solution.alt == pytest.approx(503.0, abs=1e-5)
+    assert solution.vel_down == pytest.approx(-5.0)
 
 
 def test_msl_height_needs_the_undulation_of_the_same_message() -> None:
@@ -190,9 +190,9 @@ def test_msl_height_needs_the_undulation_of_the_same_message() -> None:
     pipeline.feed("gnss", position(T0, alt=None, alt_msl=453.0))
     assert Reason.NO_ALTITUDE in solution_at(pipeline, T0).reasons
     pipeline.feed("gnss", position(T0 + S, alt=None, alt_msl=453.0, undulation=47.0))
-    found = solution_at(pipeline, T0 + S)
-    assert found.alt == pytest.approx(500.0)
-    assert Reason.NO_ALTITUDE not in found.reasons
+    solution = solution_at(pipeline, T0 + S)
+    assert solution.alt == pytest.approx(500.0)
+    assert Reason.NO_ALTITUDE not in solution.reasons
 
 
 def test_a_change_of_source_is_an_event() -> None:
@@ -242,11 +242,11 @@ def test_an_antenna_ahead_is_taken_back_along_the_heading() -> None:
     devices[0]["lever_arm_b"] = [10.0, 0.0, 0.0]
     pipeline = Pipeline(config(device=devices), None)
     feed_all(pipeline, ("ins", attitude(T0, heading=math.radians(60))), ("ins", position(T0)))
-    found = solution_at(pipeline, T0)
-    assert found.lat is not None
-    assert found.lon is not None
-    assert (found.lat - 0.6) * 6.37e6 == pytest.approx(-5.0, abs=0.05)
-    assert (found.lon - 0.1) * 6.38e6 * math.cos(0.6) == pytest.approx(-5 * math.sqrt(3), abs=0.05)
+    solution = solution_at(pipeline, T0)
+    assert solution.lat is not None
+    assert solution.lon is not None
+    assert (solution.lat - 0.6) * 6.37e6 == pytest.approx(-5.0, abs=0.05)
+    assert (solution.lon - 0.1) * 6.38e6 * math.cos(0.6) == pytest.approx(-5 * math.sqrt(3), abs=0.05)
 
 
 def test_heading_is_interpolated_the_short_way_round() -> None:

@@ -48,14 +48,14 @@ def config(beam_deg: float = 40.0, kind: str = "radar", **approach: Any) -> Conf
 
 def inputs_of(path: ApproachPath, flight: Iterator[ClearanceSample], ins_hz: int = 10) -> Inputs:
     """Measurements as they arrive: altimeter 60 ms late at 25 Hz, INS 5 ms late, and a tick every 20 ms."""
-    found: Inputs = []
+    inputs: Inputs = []
     for k, x in enumerate(flight):
         stamp = Stamp(x.t_ns + 60 * MS)
-        found.append((stamp.t_rx_ns, "radar", RadioHeight(stamp=stamp, height_agl=x.agl, sd=0.5)))
-        found += [(x.t_ns + tick * MS, "", None) for tick in (1, 21)]
+        inputs.append((stamp.t_rx_ns, "radar", RadioHeight(stamp=stamp, height_agl=x.agl, sd=0.5)))
+        inputs += [(x.t_ns + tick * MS, "", None) for tick in (1, 21)]
         if k % (25 // ins_hz) == 0:
-            found += [(x.t_ns + 5 * MS, "ins", m) for m in ins_messages(path, x, Stamp(x.t_ns + 5 * MS))]
-    return sorted(found, key=lambda item: item[0])
+            inputs += [(x.t_ns + 5 * MS, "ins", m) for m in ins_messages(path, x, Stamp(x.t_ns + 5 * MS))]
+    return sorted(inputs, key=lambda item: item[0])
 
 
 def ins_messages(path: ApproachPath, x: ClearanceSample, stamp: Stamp) -> list[Measurement]:
@@ -95,9 +95,9 @@ def test_nominal_approach_is_ok_and_the_needle_shows_what_is_flown(
     outputs = fly(Pipeline(config(), reference), nominal)
     good = {IntegrityState.ACQUIRE, IntegrityState.OK, IntegrityState.MONITOR}
     assert {o.state for o in integrity(outputs) if o.t_ns > 2 * S} <= good
-    shown = [o for o in slopes(outputs) if o.valid]
-    assert len(shown) > 80
-    for o in shown:
+    glide_slopes = [o for o in slopes(outputs) if o.valid]
+    assert len(glide_slopes) > 80
+    for o in glide_slopes:
         assert o.s is not None and o.deviation is not None and o.sd is not None
         assert abs(o.deviation - math.atan2(o.s * math.tan(path.glide) + 4.0, o.s) + path.glide) < 3 * o.sd
         assert o.dh_nav == pytest.approx(4.0, abs=0.1)
@@ -205,6 +205,6 @@ def test_an_altimeter_without_samples_is_silent_for_the_monitor_too(reference: A
     outputs = integrity([o for k in range(60) for o in Pipeline(config(), reference).tick(k * 20 * MS)])
     assert outputs == []
     pipeline = Pipeline(config(), reference)
-    found = integrity([o for k in range(60) for o in pipeline.tick(k * 20 * MS)])
-    assert found[0].state is IntegrityState.UNAVAILABLE
-    assert Reason.SILENT in found[0].reasons
+    results = integrity([o for k in range(60) for o in pipeline.tick(k * 20 * MS)])
+    assert results[0].state is IntegrityState.UNAVAILABLE
+    assert Reason.SILENT in results[0].reasons

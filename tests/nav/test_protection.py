@@ -58,9 +58,9 @@ def test_differences_are_in_metres_and_across_the_date_line() -> None:
 def test_a_device_beside_the_filter_is_as_good_as_the_filter_and_the_difference() -> None:
     """Whatever sigma it states: 40 m away from a filter that holds 15 m it may be wrong by 55 m."""
     liar = replace(moved(40.0, up=-5.0), horizontal_sd=0.1, vertical_sd=0.1)
-    found = compare_with_filter(liar, FILTER)
-    assert found[:2] == pytest.approx((55.0, 25.0), rel=1e-6)
-    assert found[2:] == ((), False)
+    protection = compare_with_filter(liar, FILTER)
+    assert protection[:2] == pytest.approx((55.0, 25.0), rel=1e-6)
+    assert protection[2:] == ((), False)
     assert compare_with_filter(replace(liar, alt=None), FILTER).vertical is None
 
 
@@ -82,9 +82,9 @@ def test_alone_it_has_the_level_of_its_own_sigma_or_of_its_kind() -> None:
     assert stated[:2] == pytest.approx((4.8, 8.84))
     assert stated[2:] == ((Reason.NOTHING_TO_COMPARE,), False)
     for sd in (None, 0.0, -1.0, math.inf, math.nan):
-        found = stated_levels(replace(HERE, horizontal_sd=sd, vertical_sd=sd), (5.0, 10.0))
-        assert found[:2] == pytest.approx((24.0, 44.2))
-        assert found[2:] == ((Reason.NOTHING_TO_COMPARE,), True)
+        protection = stated_levels(replace(HERE, horizontal_sd=sd, vertical_sd=sd), (5.0, 10.0))
+        assert protection[:2] == pytest.approx((24.0, 44.2))
+        assert protection[2:] == ((Reason.NOTHING_TO_COMPARE,), True)
 
 
 def test_alert_limits_are_of_levels_that_are_known() -> None:

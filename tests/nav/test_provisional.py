@@ -173,13 +173,13 @@ def test_its_level_is_the_distance_from_the_filter_and_what_that_may_be_wrong(st
     places = {row.output.t_ns: row.output for row in filtered(stepped, BEGIN, 75.0)}
     for _, output in stepped.provisional:
         here = numbers(places[output.t_ns], "lat", "lon", "alt", "horizontal_sd", "vertical_sd", "hpl", "vpl")
-        found = numbers(output, "lat", "lon", "alt", "distance", "height_difference", "hpl", "vpl")
+        values = numbers(output, "lat", "lon", "alt", "distance", "height_difference", "hpl", "vpl")
         meridian, normal = (float(r) for r in radii(here["lat"]))
-        north = (found["lat"] - here["lat"]) * (meridian + here["alt"])
-        east = (found["lon"] - here["lon"]) * (normal + here["alt"]) * np.cos(here["lat"])
-        assert found["distance"] == pytest.approx(np.hypot(north, east), abs=0.01)
-        assert found["height_difference"] == pytest.approx(found["alt"] - here["alt"], abs=1e-6)
-        horizontal, vertical = found["hpl"] - found["distance"], found["vpl"] - abs(found["height_difference"])
+        north = (values["lat"] - here["lat"]) * (meridian + here["alt"])
+        east = (values["lon"] - here["lon"]) * (normal + here["alt"]) * np.cos(here["lat"])
+        assert values["distance"] == pytest.approx(np.hypot(north, east), abs=0.01)
+        assert values["height_difference"] == pytest.approx(values["alt"] - here["alt"], abs=1e-6)
+        horizontal, vertical = values["hpl"] - values["distance"], values["vpl"] - abs(values["height_difference"])
         assert 3.72 * here["horizontal_sd"] - 1e-6 <= horizontal <= 1.02 * here["hpl"]
         assert 3.09 * here["vertical_sd"] - 1e-6 <= vertical <= 1.02 * here["vpl"]
 

@@ -48,8 +48,8 @@ def feed(
 
 def off(state: RadioState) -> float:
     assert state.lat is not None and state.lon is not None and state.alt is not None
-    found = ecef_from_geodetic(state.lat, state.lon, state.alt)
-    return float(np.linalg.norm(found - ecef_from_geodetic(*HERE)))
+    values = ecef_from_geodetic(state.lat, state.lon, state.alt)
+    return float(np.linalg.norm(values - ecef_from_geodetic(*HERE)))
 
 
 def test_with_satellites_the_ranges_have_the_better_height() -> None:
@@ -136,9 +136,9 @@ def test_what_is_old_and_moved_is_less_certain() -> None:
         radio.feed_fix(T, HERE, 3.0, 5.0)
         if velocity_age_s is not None:
             radio.feed_velocity(T + S - round(velocity_age_s * S), 60.0, 0.0, 0.0)
-        found = radio.at(T + S).horizontal_sd
-        assert found is not None
-        return found
+        value = radio.at(T + S).horizontal_sd
+        assert value is not None
+        return value
 
     assert level_sd(0.0) == pytest.approx(3.0, abs=0.01)
     assert level_sd(8.0) == pytest.approx(math.hypot(3.0, 16.2), rel=1e-3)

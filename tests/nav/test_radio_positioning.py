@@ -80,9 +80,9 @@ def with_sky(*after: Satellites) -> float:
     for m in (Satellites(stamp=Stamp(T0), satellites=SKY), *after):
         radio.feed("gnss", m, T0)
     radio.feed("gnss", dataclasses.replace(FIX, horizontal_sd=0.1, vertical_sd=0.1), T0)
-    found = radio.solution(T0).vertical_sd
-    assert found is not None
-    return found
+    metres = radio.solution(T0).vertical_sd
+    assert metres is not None
+    return metres
 
 
 def test_a_message_without_directions_takes_no_sky_away() -> None:

@@ -26,53 +26,55 @@ def plane(to_east: float = 0.0, to_north: float = 0.0, half: float = 2000.0, **f
 
 
 def test_pencil_over_level_ground_is_h_over_cos() -> None:
-    found = Predictor(plane(), LASER).predict_local([0.0, 0.0, 300.0], mat_from_rpy(R20, P5, 1.0))
-    assert found.slant_range[0] == pytest.approx(300.0 / (math.cos(R20) * math.cos(P5)), rel=1e-12)
-    assert found.height_p[0] == pytest.approx(300.0, abs=1e-9)
-    assert found.incidence[0] == pytest.approx(math.acos(math.cos(R20) * math.cos(P5)), abs=1e-9)
-    assert found.rise[0] == pytest.approx(0.0, abs=1e-9)
-    assert found.dispersion[0] == 0.0
+    prediction = Predictor(plane(), LASER).predict_local([0.0, 0.0, 300.0], mat_from_rpy(R20, P5, 1.0))
+    assert prediction.slant_range[0] == pytest.approx(300.0 / (math.cos(R20) * math.cos(P5)), rel=1e-12)
+    assert prediction.height_p[0] == pytest.approx(300.0, abs=1e-9)
+    assert prediction.incidence[0] == pytest.approx(math.acos(math.cos(R20) * math.cos(P5)), abs=1e-9)
+    assert prediction.rise[0] == pytest.approx(0.0, abs=1e-9)
+    assert prediction.dispersion[0] == 0.0
 
 
 def test_rise_is_the_height_of_m_over_n_on_a_slope() -> None:
     """Right wing down to the east over ground that climbs to the east: M lies higher than N."""
-    found = Predictor(plane(to_east=0.2), LASER).predict_local([0.0, 0.0, 300.0], mat_from_rpy(-R20, 0.0, 0.0))
-    east, north, up = found.point_l[0]
+    prediction = Predictor(plane(to_east=0.2), LASER).predict_local([0.0, 0.0, 300.0], mat_from_rpy(-R20, 0.0, 0.0))
+    east, north, up = prediction.point_l[0]
     assert east == pytest.approx(300.0 * math.tan(R20) / (1.0 + 0.2 * math.tan(R20)), rel=1e-9)
     assert (north, up) == pytest.approx((0.0, 0.2 * east), abs=1e-9)
-    assert found.rise[0] == pytest.approx(up, abs=1e-9)
+    assert prediction.rise[0] == pytest.approx(up, abs=1e-9)
     normal = np.array([0.0, 0.2, 1.0]) / math.sqrt(1.04)  # north, east, down; into the ground
-    np.testing.assert_allclose(found.normal_n[0], normal, atol=1e-12)
-    np.testing.assert_allclose(found.nadir_n[0], normal, atol=1e-12)
+    np.testing.assert_allclose(prediction.normal_n[0], normal, atol=1e-12)
+    np.testing.assert_allclose(prediction.nadir_n[0], normal, atol=1e-12)
 
 
 def test_lever_arm_and_mounting_are_those_of_the_sensor() -> None:
     """2 m below P and 3 m ahead, boresight 10 deg to the left: of a roll of 20 deg 10 remain."""
     mounted = Predictor(plane(), LASER, lever_arm_b=(3.0, 0.0, 2.0), mat_bs=mat_from_rpy(math.radians(10.0), 0.0, 0.0))
-    found = mounted.predict_local([0.0, 0.0, 100.0], mat_from_rpy(math.radians(-20.0), P5, 0.0))
+    prediction = mounted.predict_local([0.0, 0.0, 100.0], mat_from_rpy(math.radians(-20.0), P5, 0.0))
     below = -3.0 * math.sin(P5) + 2.0 * math.cos(math.radians(20.0)) * math.cos(P5)
-    assert found.lever_n[0, 2] == pytest.approx(below, abs=1e-12)
+    assert prediction.lever_n[0, 2] == pytest.approx(below, abs=1e-12)
     tilt = math.cos(math.radians(10.0)) * math.cos(P5)
-    assert found.slant_range[0] == pytest.approx((100.0 - below) / tilt, rel=1e-12)
-    assert found.height_p[0] == pytest.approx(100.0, abs=1e-9)
+    assert prediction.slant_range[0] == pytest.approx((100.0 - below) / tilt, rel=1e-12)
+    assert prediction.height_p[0] == pytest.approx(100.0, abs=1e-9)
 
 
 def test_nearest_return_comes_along_the_normal_of_a_slope() -> None:
-    found = Predictor(plane(to_north=0.2), NearestReturn(rings=8)).predict_local([0.0, 0.0, 300.0], np.eye(3))
-    np.testing.assert_allclose(found.direction_n[0], [0.2 / math.sqrt(1.04), 0.0, 1.0 / math.sqrt(1.04)], atol=2e-3)
-    assert found.slant_range[0] == pytest.approx(300.0 / math.sqrt(1.04), abs=2e-3)
-    assert found.incidence[0] < 3e-3
-    assert found.dispersion[0] > 1.0
+    prediction = Predictor(plane(to_north=0.2), NearestReturn(rings=8)).predict_local([0.0, 0.0, 300.0], np.eye(3))
+    np.testing.assert_allclose(
+        prediction.direction_n[0], [0.2 / math.sqrt(1.04), 0.0, 1.0 / math.sqrt(1.04)], atol=2e-3
+    )
+    assert prediction.slant_range[0] == pytest.approx(300.0 / math.sqrt(1.04), abs=2e-3)
+    assert prediction.incidence[0] < 3e-3
+    assert prediction.dispersion[0] > 1.0
 
 
 def test_radar_reports_which_ray_gives_its_edge() -> None:
     """Rolled by 20 deg the leading edge over level ground still comes from nearly straight below."""
-    found = Predictor(plane(), RadarAltimeter(antenna=WIDE, order=12)).predict_local(
+    prediction = Predictor(plane(), RadarAltimeter(antenna=WIDE, order=12)).predict_local(
         [0.0, 0.0, 300.0], mat_from_rpy(R20, 0.0, 0.5)
     )
-    assert found.slant_range[0] == pytest.approx(300.0, abs=2.5)
-    assert found.cosine[0] > math.cos(math.radians(7.0))
-    assert found.dispersion[0] > 5.0
+    assert prediction.slant_range[0] == pytest.approx(300.0, abs=2.5)
+    assert prediction.cosine[0] > math.cos(math.radians(7.0))
+    assert prediction.dispersion[0] > 5.0
 
 
 @pytest.mark.parametrize(
@@ -86,17 +88,17 @@ def test_heights_follow_the_plumb_line_everywhere(lat: float, lon: float) -> Non
     """
     ground = plane(half=12_000.0, lat0=lat, lon0=lon)
     place = ground.frame.to_geodetic([6000.0, -5000.0, 305.0])
-    found = Predictor(ground, LASER).at(*place, 0.1, 0.05, 2.0)
+    prediction = Predictor(ground, LASER).at(*place, 0.1, 0.05, 2.0)
     expected = float(place[2]) - float(ground.height(place[0], place[1]))
-    assert found.height_p[0] == pytest.approx(expected, abs=1e-6)
-    assert found.rise[0] == pytest.approx(0.0, abs=0.1)  # the ground leans by 1.2 mrad against the plumb line here
+    assert prediction.height_p[0] == pytest.approx(expected, abs=1e-6)
+    assert prediction.rise[0] == pytest.approx(0.0, abs=0.1)  # the ground leans by 1.2 mrad against the plumb line here
 
 
 def test_under_the_surface_the_height_is_negative_and_the_range_unknown() -> None:
-    found = Predictor(plane(), LASER).predict_local([0.0, 0.0, -3.0], np.eye(3))
-    assert found.height_p[0] == pytest.approx(-3.0)
-    assert found.validity[0] == Validity.BURIED
-    assert np.isnan(found.slant_range[0])
+    prediction = Predictor(plane(), LASER).predict_local([0.0, 0.0, -3.0], np.eye(3))
+    assert prediction.height_p[0] == pytest.approx(-3.0)
+    assert prediction.validity[0] == Validity.BURIED
+    assert np.isnan(prediction.slant_range[0])
 
 
 @pytest.mark.parametrize("sensor", [LASER, NearestReturn(rings=2), RadarAltimeter(order=4)])
@@ -107,19 +109,21 @@ def test_a_pose_that_is_no_number_is_unknown(
 ) -> None:
     pose = [0.0, 0.0, 300.0, 0.1, 0.1, 0.1]
     pose[which] = bad
-    found = Predictor(plane(), sensor).at(*pose)
-    assert not found.valid[0]
-    assert np.isnan([found.slant_range[0], found.cosine[0], found.incidence[0], found.rise[0]]).all()
+    prediction = Predictor(plane(), sensor).at(*pose)
+    assert not prediction.valid[0]
+    assert np.isnan(
+        [prediction.slant_range[0], prediction.cosine[0], prediction.incidence[0], prediction.rise[0]]
+    ).all()
 
 
 @pytest.mark.parametrize("roll_deg", [89.0, 90.0, 120.0, 180.0])
 def test_a_beam_that_looks_up_returns_nothing(roll_deg: float) -> None:
-    found = Predictor(plane(), LASER).at(0.0, 0.0, 300.0, math.radians(roll_deg), 0.0, 0.0)
-    assert not found.valid[0]
-    assert found.height_p[0] == pytest.approx(300.0, abs=1e-6)
+    prediction = Predictor(plane(), LASER).at(0.0, 0.0, 300.0, math.radians(roll_deg), 0.0, 0.0)
+    assert not prediction.valid[0]
+    assert prediction.height_p[0] == pytest.approx(300.0, abs=1e-6)
 
 
 def test_outside_the_terrain_is_reported() -> None:
-    found = Predictor(plane(), LASER).at(0.1, 0.1, 300.0, 0.0, 0.0, 0.0)
-    assert found.validity[0] == Validity.OUTSIDE
-    assert np.isnan(found.height_p[0])
+    prediction = Predictor(plane(), LASER).at(0.1, 0.1, 300.0, 0.0, 0.0, 0.0)
+    assert prediction.validity[0] == Validity.OUTSIDE
+    assert np.isnan(prediction.height_p[0])

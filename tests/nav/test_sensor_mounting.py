@@ -27,10 +27,10 @@ def turn(rpy_bs_deg: tuple[float, float, float], m: Measurement, device: str = "
 def test_a_field_is_turned_as_the_case_is_mounted(
     rpy_bs_deg: tuple[float, float, float], expected: tuple[float, float, float]
 ) -> None:
-    found = turn(rpy_bs_deg, FIELD)
-    assert isinstance(found, MagneticField)
-    assert found.field_b == pytest.approx(expected, abs=1e-18)
-    assert found.stamp == FIELD.stamp
+    measurement = turn(rpy_bs_deg, FIELD)
+    assert isinstance(measurement, MagneticField)
+    assert measurement.field_b == pytest.approx(expected, abs=1e-18)
+    assert measurement.stamp == FIELD.stamp
 
 
 def test_what_is_felt_is_turned_as_well_and_what_is_not_stays_unknown() -> None:

@@ -153,12 +153,12 @@ def test_a_separation_is_in_north_east_down() -> None:
     lat, lon = 0.8 + 3.0 / (meridian + ALT), 0.2 + 4.0 / ((normal + ALT) * np.cos(0.8))
     wider = (2.0, 3.0, 4.0)
     copy = InitialState(lat, lon, ALT - 5.0, (60.0, 10.0, 0.0), 0.0, 0.0, 0.0, wider, (0.2,) * 3, (1e-3,) * 3)
-    found = separate(here, copy.estimate(0, np.zeros(6), MODEL))
-    np.testing.assert_allclose(found.d[:3], [-3.0, -4.0, -5.0], atol=1e-3)
-    np.testing.assert_allclose(found.d_sd[:3], np.sqrt([3.0, 5.0, 7.0]), rtol=1e-5)
-    np.testing.assert_allclose(found.ratios[:3], np.array([3.0, 4.0, 5.0]) / np.sqrt([3.0, 5.0, 7.0]), rtol=1e-3)
-    assert found.radial_sd == pytest.approx(3.0, rel=1e-5)
-    assert found.level_ratios[0] == pytest.approx(np.hypot(3.0 / np.sqrt(3.0), 4.0 / np.sqrt(5.0)), rel=1e-3)
+    separation = separate(here, copy.estimate(0, np.zeros(6), MODEL))
+    np.testing.assert_allclose(separation.d[:3], [-3.0, -4.0, -5.0], atol=1e-3)
+    np.testing.assert_allclose(separation.d_sd[:3], np.sqrt([3.0, 5.0, 7.0]), rtol=1e-5)
+    np.testing.assert_allclose(separation.ratios[:3], np.array([3.0, 4.0, 5.0]) / np.sqrt([3.0, 5.0, 7.0]), rtol=1e-3)
+    assert separation.radial_sd == pytest.approx(3.0, rel=1e-5)
+    assert separation.level_ratios[0] == pytest.approx(np.hypot(3.0 / np.sqrt(3.0), 4.0 / np.sqrt(5.0)), rel=1e-3)
 
 
 @pytest.mark.parametrize(("correlation", "expected"), [(0.6, np.sqrt(2.0 / 1.6) * 3.0), (-0.6, np.sqrt(2.0) * 3.0)])
@@ -170,9 +170,9 @@ def test_a_separation_counts_in_the_direction_in_which_it_is_least_likely(correl
     moved = replace(start, lat=-6.0 / (meridian + ALT), lon=-6.0 / (normal + ALT)).estimate(0, np.zeros(6), MODEL)
     P = here.P.copy()  # at the equator north is e_z, east e_y
     P[1:3, 1:3] += 4.0 * np.array([[1.0, correlation], [correlation, 1.0]])
-    found = separate(here, replace(moved, P=P))
-    np.testing.assert_allclose(found.ratios[:2], 3.0, rtol=1e-3)
-    assert found.level_ratios[0] == pytest.approx(expected, rel=1e-3)
+    separation = separate(here, replace(moved, P=P))
+    np.testing.assert_allclose(separation.ratios[:2], 3.0, rtol=1e-3)
+    assert separation.level_ratios[0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_largest_sigma_is_that_of_the_worst_direction() -> None:

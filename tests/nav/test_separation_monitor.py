@@ -72,10 +72,10 @@ def refusals_of(**innovations: tuple[GateDecision, list[float]]) -> tuple[Refusa
         for entry in entries
     }
     now = SimpleNamespace(estimate=SimpleNamespace(t_ns=SECOND_NS), gate_states=since)
-    found = Refusals()
+    refusals = Refusals()
     segment: Any = SimpleNamespace(entries=entries, end=now)
-    found.follow(segment, frozenset(since))
-    return found, now
+    refusals.follow(segment, frozenset(since))
+    return refusals, now
 
 
 @pytest.mark.parametrize(

@@ -44,61 +44,61 @@ def test_an_angle_that_no_body_has_is_no_attitude(part: str, value: float) -> No
 def test_upside_down_and_straight_up_are_attitudes_in_single_precision_too() -> None:
     ends = {"roll": float(np.float32(math.pi)), "pitch": float(np.float32(math.pi / 2))}
     assert max(ends["roll"] - math.pi, ends["pitch"] - math.pi / 2) > 0.0
-    found = attitude(**ends)
-    assert found is not None
-    assert found.pitch == pytest.approx(math.pi / 2)
+    result = attitude(**ends)
+    assert result is not None
+    assert result.pitch == pytest.approx(math.pi / 2)
 
 
 def test_a_roll_between_two_on_either_side_of_upside_down_is_an_angle() -> None:
     of = source()
     for t_ns, roll in ((NOW, 3.1), (NOW + 20 * MS, -3.0)):
         of.push_attitude(Attitude(stamp=Stamp(t_ns), roll=roll, pitch=0.0), t_ns)
-    found = of.attitude(NOW + 15 * MS)
-    assert found is not None
-    assert found.roll == pytest.approx(-3.0 - 0.25 * (2 * math.pi - 6.1))
+    result = of.attitude(NOW + 15 * MS)
+    assert result is not None
+    assert result.roll == pytest.approx(-3.0 - 0.25 * (2 * math.pi - 6.1))
 
 
 @pytest.mark.parametrize("value", [1e300, -1e7, 2001.0])
 @pytest.mark.parametrize("part", ["north", "east", "down"])
 def test_a_speed_that_nobody_flies_moves_no_position(part: str, value: float) -> None:
     """A latitude of -6e291 had been output as valid."""
-    found = position({part: value}, after_ms=500)
-    assert found is not None
-    assert getattr(found, part) is None
-    assert found.lat == pytest.approx(0.8, abs=1e-5)
-    assert found.alt == pytest.approx(500.0, abs=1.0)
+    result = position({part: value}, after_ms=500)
+    assert result is not None
+    assert getattr(result, part) is None
+    assert result.lat == pytest.approx(0.8, abs=1e-5)
+    assert result.alt == pytest.approx(500.0, abs=1.0)
 
 
 def test_a_height_that_nobody_flies_at_is_none() -> None:
-    found = position(alt=1e12)
-    assert found is not None
-    assert found.alt is None
+    result = position(alt=1e12)
+    assert result is not None
+    assert result.alt is None
 
 
 @pytest.mark.parametrize("sd", [0.0, -1.0, math.nan])
 def test_a_sigma_that_is_not_positive_is_none(sd: float) -> None:
-    found = position(horizontal_sd=sd, vertical_sd=sd)
-    assert found is not None
-    assert (found.horizontal_sd, found.vertical_sd) == (None, None)
+    result = position(horizontal_sd=sd, vertical_sd=sd)
+    assert result is not None
+    assert (result.horizontal_sd, result.vertical_sd) == (None, None)
 
 
 def test_two_places_a_continent_apart_are_no_speed() -> None:
     of = source()
     for t_ns, lat, alt in ((NOW, 0.8, 500.0), (NOW + 300 * MS, 0.1, 90e3)):
         of.push_position(Position(stamp=Stamp(t_ns), lat=lat, lon=0.2, alt=alt), t_ns)
-    found = of.position(NOW + 400 * MS, None)
-    assert found is not None
-    assert (found.north, found.east, found.down) == (None, None, None)
+    result = of.position(NOW + 400 * MS, None)
+    assert result is not None
+    assert (result.north, result.east, result.down) == (None, None, None)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_who_moves_on_over_a_pole_comes_down_on_the_other_side(side: float) -> None:
     """5 m before the pole, half a second at 60 m/s: 25 m behind it, on the opposite meridian."""
     from_pole = 5.0 / 6.4e6
-    found = position({"north": side * 60.0}, 500, lat=side * (math.pi / 2 - from_pole), lon=1.0)
-    assert found is not None
-    assert abs(found.lat) == pytest.approx(math.pi / 2 - 25.0 / 6.4e6, abs=1e-8)
-    assert found.lon == pytest.approx(1.0 - math.pi)
+    result = position({"north": side * 60.0}, 500, lat=side * (math.pi / 2 - from_pole), lon=1.0)
+    assert result is not None
+    assert abs(result.lat) == pytest.approx(math.pi / 2 - 25.0 / 6.4e6, abs=1e-8)
+    assert result.lon == pytest.approx(1.0 - math.pi)
 
 
 def roll_sd_deg(times_ms: list[int], at_ms: int, sd: float | None = math.radians(0.2)) -> float | None:
@@ -106,9 +106,9 @@ def roll_sd_deg(times_ms: list[int], at_ms: int, sd: float | None = math.radians
     of = source()
     for ms in times_ms:
         of.push_attitude(Attitude(stamp=Stamp(NOW), roll=0.1, pitch=0.0, roll_sd=sd), NOW + ms * MS)
-    found = of.attitude(NOW + at_ms * MS)
-    assert found is not None
-    return None if found.roll_sd is None else math.degrees(found.roll_sd)
+    result = of.attitude(NOW + at_ms * MS)
+    assert result is not None
+    return None if result.roll_sd is None else math.degrees(result.roll_sd)
 
 
 def test_an_attitude_that_is_held_is_less_certain_with_its_age() -> None:

@@ -34,18 +34,18 @@ def still(lat: float, mat_nb: Array, seconds: float) -> tuple[Motion, Array, Arr
 def test_who_stands_still_stays(lat_deg: float) -> None:
     """Ten minutes at any latitude, the poles included, in any attitude."""
     start, accel_b, gyro_b = still(np.deg2rad(lat_deg), mat_from_rpy(0.5, -0.9, 2.0), 600.0)
-    found = integrate(start, accel_b, gyro_b, STEP, every=100)
-    assert np.abs(found.pos_e - start.pos_e).max() < 1e-8
-    assert np.abs(found.vel_e).max() < 1e-10
-    assert np.abs(found.quat_eb - start.quat_eb).max() < 1e-13
+    motion = integrate(start, accel_b, gyro_b, STEP, every=100)
+    assert np.abs(motion.pos_e - start.pos_e).max() < 1e-8
+    assert np.abs(motion.vel_e).max() < 1e-10
+    assert np.abs(motion.quat_eb - start.quat_eb).max() < 1e-13
 
 
 def test_a_height_error_grows_as_the_vertical_channel_does() -> None:
     """cosh(t sqrt(2 g / R)) of a centimetre, with the local gradient of normal gravity."""
     start, accel_b, gyro_b = still(LAT, np.eye(3), 1200.0)
     higher = Motion(ecef_from_geodetic(LAT, LON, ALT + 0.01), start.vel_e, start.quat_eb)
-    found = integrate(higher, accel_b, gyro_b, STEP, every=10_000)
-    _, _, alt = geodetic_from_ecef(found.pos_e)
+    motion = integrate(higher, accel_b, gyro_b, STEP, every=10_000)
+    _, _, alt = geodetic_from_ecef(motion.pos_e)
     t = np.arange(len(alt)) * 100.0
     # free air, less what rotation adds outwards, and the lean of the vertical
     np.testing.assert_allclose(alt - ALT, 0.01 * np.cosh(t * np.sqrt(3.086e-6)), rtol=2e-3)
@@ -103,9 +103,9 @@ def closed(step: float, gyro_bias: float = 0.0, accel_bias: float = 0.0) -> Arra
     quat = quat_from_mat((mat @ mat_from_rpy(0.2, 0.1, -0.3))[None])[0]
     start = Motion(ecef_from_geodetic(LAT, LON, ALT), mat @ [60.0, -20.0, 3.0], quat)
     accel_b, gyro_b = swaying(t)
-    found = integrate(start, accel_b + accel_bias, gyro_b + gyro_bias, step, every=len(t) - 1)
-    last = found.quat_eb[-1] / np.linalg.norm(found.quat_eb[-1])
-    return np.concatenate((found.pos_e[-1], found.vel_e[-1], mat_from_quat(last).ravel()))
+    motion = integrate(start, accel_b + accel_bias, gyro_b + gyro_bias, step, every=len(t) - 1)
+    last = motion.quat_eb[-1] / np.linalg.norm(motion.quat_eb[-1])
+    return np.concatenate((motion.pos_e[-1], motion.vel_e[-1], mat_from_quat(last).ravel()))
 
 
 def in_e(other: Array) -> Array:
@@ -129,8 +129,8 @@ def test_agrees_with_another_integrator_on_other_equations(other: Array) -> None
 
 def test_the_error_falls_by_the_order_of_the_method(other: Array) -> None:
     """Sixteenfold, or more, for each halving of the step."""
-    found = np.array([errors(other, step)[0] for step in (0.2, 0.1, 0.05)])
-    assert (found[:-1] / found[1:]).min() > 12.0
+    values = np.array([errors(other, step)[0] for step in (0.2, 0.1, 0.05)])
+    assert (values[:-1] / values[1:]).min() > 12.0
 
 
 @pytest.mark.parametrize(
@@ -143,8 +143,8 @@ def test_a_bias_of_a_billionth_is_seen(other: Array, biases: dict[str, float], m
 def test_compensation_keeps_what_rounding_would_lose() -> None:
     """An hour on the ground: 360 000 steps, each of nothing but rounding."""
     start, accel_b, gyro_b = still(LAT, mat_from_rpy(0.1, 0.2, 0.3), 3600.0)
-    found = integrate(start, accel_b, gyro_b, STEP, every=360_000)
-    assert np.abs(found.pos_e[-1] - start.pos_e).max() < 1e-6
+    motion = integrate(start, accel_b, gyro_b, STEP, every=360_000)
+    assert np.abs(motion.pos_e[-1] - start.pos_e).max() < 1e-6
 
 
 def test_midpoints_are_those_of_a_polynomial_up_to_the_ends() -> None:

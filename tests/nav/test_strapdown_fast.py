@@ -29,9 +29,9 @@ def test_who_stands_still_stays(lat_deg: float) -> None:
     accel_b = mat_nb.T @ [0.0, 0.0, -float(normal_gravity(lat, ALT))]
     gyro_b = mat_nb.T @ mat_en(lat, LON).T @ [0.0, 0.0, EARTH_RATE]
     start = at(lat, mat_nb)
-    found = integrate_fast(start, np.tile(accel_b, (6001, 1)), np.tile(gyro_b, (6001, 1)), STEP, every=6000)
-    assert np.abs(found.pos_e[-1] - start.pos_e).max() < 1e-5
-    assert np.abs(found.vel_e[-1]).max() < 1e-7
+    motion = integrate_fast(start, np.tile(accel_b, (6001, 1)), np.tile(gyro_b, (6001, 1)), STEP, every=6000)
+    assert np.abs(motion.pos_e[-1] - start.pos_e).max() < 1e-5
+    assert np.abs(motion.vel_e[-1]).max() < 1e-7
 
 
 def swaying(t: Array) -> tuple[Array, Array]:
@@ -58,9 +58,9 @@ def test_agrees_with_the_high_order_one(pitch: float) -> None:
 
 def test_the_error_falls_with_the_step() -> None:
     start = at(0.8, mat_from_rpy(0.2, 0.1, -0.3), (60.0, -20.0, 3.0))
-    found = [off(step, start)[0] for step in (0.16, 0.08, 0.04)]
-    assert found[0] / found[1] > 3.5
-    assert found[1] / found[2] > 3.5
+    values = [off(step, start)[0] for step in (0.16, 0.08, 0.04)]
+    assert values[0] / values[1] > 3.5
+    assert values[1] / values[2] > 3.5
 
 
 def test_refuses_other_shapes() -> None:

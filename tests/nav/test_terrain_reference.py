@@ -60,10 +60,10 @@ def test_it_is_part_of_the_sigmas_of_predictions_and_of_altitudes_over_ground(
     assert expected.range_sd == pytest.approx(whole, rel=1e-3)
     common: dict[str, Any] = {"t_ns": 0, "t_valid_ns": 0, "sensor": "laser", "valid": True, "reasons": ()}
     height = HeightAboveGround(raw=ALTITUDE_M, height_agl=ALTITUDE_M, sd=0.1, compensation=Compensation.RANGE, **common)
-    found = altitude_over_terrain(height, ground, nav.position)
-    assert found is not None
-    assert found.height_agl == ALTITUDE_M
-    assert found.ground_sd == pytest.approx(whole, rel=1e-3)
+    altitude = altitude_over_terrain(height, ground, nav.position)
+    assert altitude is not None
+    assert altitude.height_agl == ALTITUDE_M
+    assert altitude.ground_sd == pytest.approx(whole, rel=1e-3)
 
 
 def test_without_a_prediction_a_height_stands_on_the_ground_with_its_bias_taken_off(ground: Ground) -> None:
@@ -72,9 +72,9 @@ def test_without_a_prediction_a_height_stands_on_the_ground_with_its_bias_taken_
         t_ns=0, t_valid_ns=0, sensor="laser", valid=True, reasons=(), raw=103.0, nearest=103.0, nearest_sd=0.1,
         height_agl=100.0, sd=8.0, compensation=Compensation.ATTITUDE,
     )  # fmt: skip
-    found = altitude_over_terrain(height, ground, at(ground, 50.0).position)
-    assert found is not None
-    assert (found.height_agl, found.height_sd) == (100.0, 0.1)
+    altitude = altitude_over_terrain(height, ground, at(ground, 50.0).position)
+    assert altitude is not None
+    assert (altitude.height_agl, altitude.height_sd) == (100.0, 0.1)
 
 
 def test_a_height_over_contradicted_ground_is_no_altitude(ground: Ground) -> None:

@@ -35,9 +35,9 @@ def channel(heights: np.ndarray, right_m: float = 0.0, **altimeter: Any) -> Alti
         }
     )
     terrain = Terrain.from_array(heights, 5.0, lat0=LAT0, lon0=LON0, east0=POSTS[0], north0=POSTS[0])
-    made = AltimeterChannel(device)
-    made.set_terrain(Ground(terrain, 0.0, "test"))
-    return made
+    altimeter_channel = AltimeterChannel(device)
+    altimeter_channel.set_terrain(Ground(terrain, 0.0, "test"))
+    return altimeter_channel
 
 
 def output(of: AltimeterChannel, value: float, roll_deg: float = 0.0, place_sd: float = 0.1) -> HeightAboveGround:
@@ -91,9 +91,9 @@ def test_an_island_of_known_ground_does_not_make_a_place_known() -> None:
     beside = np.maximum.outer(np.abs(POSTS), np.abs(POSTS))
     island[(beside > 7.0) & (beside < 200.0)] = np.nan
     assert output(channel(level()), 150.0, place_sd=10.0).compensation is Compensation.RANGE
-    found = output(channel(island), 150.0, place_sd=10.0)
-    assert found.predicted == pytest.approx(150.0)
-    assert (found.compensation, found.unchecked) == (Compensation.ATTITUDE, (Reason.TERRAIN_HOLE,))
+    height = output(channel(island), 150.0, place_sd=10.0)
+    assert height.predicted == pytest.approx(150.0)
+    assert (height.compensation, height.unchecked) == (Compensation.ATTITUDE, (Reason.TERRAIN_HOLE,))
 
 
 def test_a_height_that_is_used_as_it_is_is_held_against_the_navigated_one() -> None:

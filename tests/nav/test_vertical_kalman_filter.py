@@ -31,11 +31,11 @@ def test_an_update_is_the_textbook_one() -> None:
     """Bayes in information form: P^-1 + h h^T / r, and x by the normal equations."""
     channel = make(math.inf)
     x, P = channel.x.copy(), channel.P.copy()
-    found = channel.update(7.0, H, NOISE)
+    innovation = channel.update(7.0, H, NOISE)
     cov = np.linalg.inv(np.linalg.inv(P) + np.outer(H, H) / NOISE)
     assert np.allclose(channel.P, cov, rtol=1e-9, atol=1e-12)
     assert np.allclose(channel.x, cov @ (np.linalg.solve(P, x) + H * 7.0 / NOISE), rtol=1e-9, atol=1e-12)
-    assert found.sd == pytest.approx(math.sqrt(H @ P @ H + NOISE))
+    assert innovation.sd == pytest.approx(math.sqrt(H @ P @ H + NOISE))
 
 
 def test_many_runs_at_once_are_each_alone() -> None:

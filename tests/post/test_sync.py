@@ -143,10 +143,10 @@ def test_the_time_base_as_mcap_has_the_same_rows(
     sync(session, capsys, "--out", str(tmp_path / "base.csv"))
     sync(session, capsys, "--out", str(tmp_path / "base.mcap"))
     with (tmp_path / "base.mcap").open("rb") as file:
-        found = [json.loads(m.data) for _, _, m in make_reader(file).iter_messages("/fti/time_base")]
+        contents = [json.loads(m.data) for _, _, m in make_reader(file).iter_messages("/fti/time_base")]
     with (tmp_path / "base.csv").open() as table:
         rows = list(csv.DictReader(table))
-    assert sorted(map(_key, found)) == sorted(map(_key, rows))
+    assert sorted(map(_key, contents)) == sorted(map(_key, rows))
 
 
 def _key(row: dict[str, Any]) -> tuple[str, ...]:

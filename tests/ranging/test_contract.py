@@ -80,32 +80,32 @@ FOLLOW_THE_NEAREST = {
 }
 
 
-def level_error(sensor: RangingSensor, found: Returns) -> tuple[float, float]:
+def level_error(sensor: RangingSensor, returns: Returns) -> tuple[float, float]:
     """How far ranges over level ground are from d = h / cos (eq. 2.67), and how far they may be [m]."""
     name = type(sensor).__name__
-    cosine = np.ones_like(found.slant_range) if name in FOLLOW_THE_NEAREST else found.direction_s[..., 2]
-    error = float(np.abs(found.slant_range * cosine - HEIGHT)[found.valid].max())
+    cosine = np.ones_like(returns.slant_range) if name in FOLLOW_THE_NEAREST else returns.direction_s[..., 2]
+    error = float(np.abs(returns.slant_range * cosine - HEIGHT)[returns.valid].max())
     wide = getattr(getattr(sensor, "laser", sensor), "divergence", 0.0) > 0.0  # the mean of 19 rays is a little longer
     return error, FOLLOW_THE_NEAREST.get(name, (1e-5 if wide else 1e-9) * HEIGHT)
 
 
-def check_returns(sensor: RangingSensor, found: Returns, poses: int) -> None:
+def check_returns(sensor: RangingSensor, returns: Returns, poses: int) -> None:
     """Shapes and values as ``Returns`` describes them."""
-    name, shape = type(sensor).__name__, found.slant_range.shape
+    name, shape = type(sensor).__name__, returns.slant_range.shape
     assert len(shape) >= 1 and shape[0] == poses, f"{name}: slant_range has the shape {shape} for {poses} poses"
-    assert found.direction_s.shape == (*shape, 3), f"{name}: direction_s has the shape {found.direction_s.shape}"
+    assert returns.direction_s.shape == (*shape, 3), f"{name}: direction_s has the shape {returns.direction_s.shape}"
     for part in ("dispersion", "power", "validity"):
-        assert getattr(found, part).shape == shape, f"{name}: {part} has another shape than slant_range, {shape}"
-    assert found.validity.dtype == np.uint8, f"{name}: validity is {found.validity.dtype}, must be uint8"
-    assert np.isin(found.validity, list(Validity)).all(), f"{name}: a validity that is none"
-    valid, sentinel = found.valid, getattr(getattr(sensor, "laser", sensor), "sentinel", None)
-    assert np.isfinite(found.slant_range[valid]).all(), f"{name}: valid, but no range"
-    lengths = np.linalg.norm(found.direction_s[valid], axis=-1)
+        assert getattr(returns, part).shape == shape, f"{name}: {part} has another shape than slant_range, {shape}"
+    assert returns.validity.dtype == np.uint8, f"{name}: validity is {returns.validity.dtype}, must be uint8"
+    assert np.isin(returns.validity, list(Validity)).all(), f"{name}: a validity that is none"
+    valid, sentinel = returns.valid, getattr(getattr(sensor, "laser", sensor), "sentinel", None)
+    assert np.isfinite(returns.slant_range[valid]).all(), f"{name}: valid, but no range"
+    lengths = np.linalg.norm(returns.direction_s[valid], axis=-1)
     assert np.abs(lengths - 1.0).max(initial=0.0) < 1e-9, f"{name}: valid, but direction_s is no unit vector"
-    silent = np.isnan(found.slant_range[~valid]) | (found.slant_range[~valid] == sentinel)
+    silent = np.isnan(returns.slant_range[~valid]) | (returns.slant_range[~valid] == sentinel)
     assert silent.all(), f"{name}: not valid, but a range"
-    assert np.isnan(found.direction_s[~valid]).all(), f"{name}: not valid, but a direction"
-    assert not (found.dispersion < 0.0).any() and not (found.power < 0.0).any(), f"{name}: negative spread or power"
+    assert np.isnan(returns.direction_s[~valid]).all(), f"{name}: not valid, but a direction"
+    assert not (returns.dispersion < 0.0).any() and not (returns.power < 0.0).any(), f"{name}: negative spread or power"
 
 
 def same_bytes(one: Returns, other: Returns) -> bool:
@@ -132,9 +132,9 @@ def holed() -> Terrain:
 
 
 def reasons(name: str, terrain: Terrain, poses: Poses) -> set[Validity]:
-    found = make(name).measure(terrain, poses)
-    check_returns(make(name), found, len(poses))
-    return {Validity(number) for number in np.unique(found.validity)}
+    returns = make(name).measure(terrain, poses)
+    check_returns(make(name), returns, len(poses))
+    return {Validity(number) for number in np.unique(returns.validity)}
 
 
 def test_the_sensors_are_found() -> None:
@@ -154,9 +154,9 @@ def test_returns_have_the_shapes_and_values_that_are_promised(name: str) -> None
 def test_level_ground_has_the_closed_form(name: str) -> None:
     sensor = make(name)
     at = looking_down(np.full(3, HEIGHT), heading=[0.0, 1.0, 2.5])
-    found = sensor.measure(FLAT, at)
-    assert found.valid.mean() > 0.9, f"{name} has no range {HEIGHT} m over level ground: {found.validity}"
-    error, allowed = level_error(sensor, found)
+    returns = sensor.measure(FLAT, at)
+    assert returns.valid.mean() > 0.9, f"{name} has no range {HEIGHT} m over level ground: {returns.validity}"
+    error, allowed = level_error(sensor, returns)
     assert error <= allowed, f"{name} is {error:.3g} m off over level ground; {allowed:.3g} m are allowed"
 
 

@@ -5,8 +5,8 @@ from fti.ranging.error_model import RangeError
 
 
 def test_bias_and_scale_without_noise() -> None:
-    found = RangeError(bias=0.5, scale=0.01, noise_sd=9.0).apply([100.0, np.nan, 0.0])
-    assert found[[0, 2]] == pytest.approx([101.5, 0.5]) and np.isnan(found[1])
+    values = RangeError(bias=0.5, scale=0.01, noise_sd=9.0).apply([100.0, np.nan, 0.0])
+    assert values[[0, 2]] == pytest.approx([101.5, 0.5]) and np.isnan(values[1])
 
 
 def test_noise_grows_with_range_as_the_root_of_squares() -> None:

@@ -184,9 +184,9 @@ def printed_2_47(height: float, mat_nb: Array, arm: Array) -> float:
 
 def test_slant_range_at_roll_20_pitch_5_over_300_m_is_320_5_m() -> None:
     mat_nb = mat_from_rpy(R20, P5, 0.7)
-    found = frames.range_over_level(300.0, mat_nb, LEVEL, LEVEL, np.zeros(3))
-    assert found == pytest.approx(300.0 / (np.cos(R20) * np.cos(P5)), abs=1e-10)
-    assert found == pytest.approx(320.5, abs=0.05)
+    values = frames.range_over_level(300.0, mat_nb, LEVEL, LEVEL, np.zeros(3))
+    assert values == pytest.approx(300.0 / (np.cos(R20) * np.cos(P5)), abs=1e-10)
+    assert values == pytest.approx(320.5, abs=0.05)
 
 
 def test_printed_slant_range_is_negative_and_a_projection() -> None:
@@ -197,11 +197,11 @@ def test_printed_slant_range_is_negative_and_a_projection() -> None:
 
 def test_slant_range_over_level_ground_closes_the_loop() -> None:
     d_n = FLIGHT.d_n()
-    found = frames.range_over_level(d_n[:, 2], FLIGHT.mat_nb, FLIGHT.mat_bs, FLIGHT.mat_sm, ARM)
+    values = frames.range_over_level(d_n[:, 2], FLIGHT.mat_nb, FLIGHT.mat_bs, FLIGHT.mat_sm, ARM)
     beam_n = np.einsum("nij,njk,nk->ni", FLIGHT.mat_nb, FLIGHT.mat_bs, FLIGHT.direction_s)
     looks_down = beam_n[:, 2] > 0.0
-    assert np.isnan(found[~looks_down]).all() and 0.4 < looks_down.mean() < 0.6
-    error = np.abs(found - FLIGHT.slant)[looks_down]
+    assert np.isnan(values[~looks_down]).all() and 0.4 < looks_down.mean() < 0.6
+    error = np.abs(values - FLIGHT.slant)[looks_down]
     assert (error * beam_n[looks_down, 2]).max() < 1e-11  # in height; a grazing beam stretches it by 1 / cos
 
 

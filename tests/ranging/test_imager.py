@@ -37,11 +37,11 @@ def test_pixels_are_those_of_a_pinhole() -> None:
 def test_level_ground_is_a_regular_grid_of_the_closed_form() -> None:
     imager = RangeImager(pixels=(20, 12), field_of_view=(1.0, 0.8))
     at = looking_down([300.0, 120.0])
-    found = imager.measure(FLAT, at)
+    returns = imager.measure(FLAT, at)
     rays = imager.directions_s()
     for k, height in enumerate((300.0, 120.0)):
-        assert np.abs(found.slant_range[k] * rays[..., 2] / height - 1.0).max() < 1e-9
-    points = points_l(at, found)
+        assert np.abs(returns.slant_range[k] * rays[..., 2] / height - 1.0).max() < 1e-9
+    points = points_l(at, returns)
     assert points.shape == (2, 12, 20, 3)
     along, across = (float(size) for size in imager.footprint(300.0))
     assert np.diff(points[0, :, :, 1], axis=1) == pytest.approx(np.full((12, 19), along / 20), rel=1e-9)  # north
@@ -52,18 +52,18 @@ def test_level_ground_is_a_regular_grid_of_the_closed_form() -> None:
 def test_a_slope_has_the_closed_form(slope_east: float, slope_north: float) -> None:
     imager = RangeImager(pixels=(30, 25))
     at = looking_down([350.0, 200.0], [0.2, -0.4], [0.1, -0.1], 1.0)
-    found = imager.measure(plane(slope_east, slope_north), at)
+    returns = imager.measure(plane(slope_east, slope_north), at)
     rays = (at.mats_ls[:, None, None] @ imager.directions_s()[..., None])[..., 0]
     for k in range(2):
         expected = to_plane(at.origins_l[k], rays[k].reshape(-1, 3), slope_east, slope_north).reshape(25, 30)
         reached = expected < 1000.0
-        assert reached.mean() > 0.9 and (found.valid[k] == reached).all()
-        assert np.abs(found.slant_range[k] / expected - 1.0)[reached].max() < 1e-9
+        assert reached.mean() > 0.9 and (returns.valid[k] == reached).all()
+        assert np.abs(returns.slant_range[k] / expected - 1.0)[reached].max() < 1e-9
 
 
 def test_both_returns_of_every_pixel() -> None:
-    found = RangeImager(Laser(1000.0, returns="both"), pixels=(4, 3)).measure(FLAT, looking_down([100.0, 200.0]))
-    assert found.slant_range.shape == (2, 3, 4, 2) and found.direction_s.shape == (2, 3, 4, 2, 3)
+    returns = RangeImager(Laser(1000.0, returns="both"), pixels=(4, 3)).measure(FLAT, looking_down([100.0, 200.0]))
+    assert returns.slant_range.shape == (2, 3, 4, 2) and returns.direction_s.shape == (2, 3, 4, 2, 3)
 
 
 @pytest.mark.parametrize(

@@ -107,53 +107,53 @@ def test_no_direction_where_there_is_none() -> None:
 @pytest.mark.parametrize("roll", [-25.0, 0.0, 15.0, 29.0])
 @pytest.mark.parametrize(("pitch", "crab"), [(0.0, 0.0), (6.0, 0.0), (-4.0, 12.0)])
 def test_over_flat_ground_the_nearest_point_is_straight_below(roll: float, pitch: float, crab: float) -> None:
-    found = measured(poses(roll, pitch, crab, course=70.0))
-    assert found.slant_range == pytest.approx(HEIGHT, abs=1e-6)  # h delta^2 / 2 with delta = 0.02 mrad
-    assert found.slant_angle == pytest.approx(0.0, abs=5e-5)
+    returns = measured(poses(roll, pitch, crab, course=70.0))
+    assert returns.slant_range == pytest.approx(HEIGHT, abs=1e-6)  # h delta^2 / 2 with delta = 0.02 mrad
+    assert returns.slant_angle == pytest.approx(0.0, abs=5e-5)
     expected = np.arcsin(np.sin(np.radians(roll)) * np.cos(np.radians(pitch)))
-    assert found.look_angle == pytest.approx(expected, abs=5e-5)
+    assert returns.look_angle == pytest.approx(expected, abs=5e-5)
 
 
 @pytest.mark.parametrize("roll", [40.0, -50.0])
 def test_banked_beyond_the_field_of_view_its_edge_is_nearest(roll: float) -> None:
-    found = measured(poses(roll))
-    assert found.slant_range == pytest.approx(HEIGHT / np.cos(np.radians(abs(roll) - 30.0)), rel=1e-9)
-    assert found.look_angle == pytest.approx(np.sign(roll) * np.radians(30.0), abs=1e-9)
+    returns = measured(poses(roll))
+    assert returns.slant_range == pytest.approx(HEIGHT / np.cos(np.radians(abs(roll) - 30.0)), rel=1e-9)
+    assert returns.look_angle == pytest.approx(np.sign(roll) * np.radians(30.0), abs=1e-9)
 
 
 @pytest.mark.parametrize("climb", [2.0, -2.0, 7.0])
 def test_in_a_climb_the_point_below_lies_behind_the_plane(climb: float) -> None:
-    found = measured(poses(0.0, 3.0, 0.0, climb))
+    returns = measured(poses(0.0, 3.0, 0.0, climb))
     beyond = max(abs(climb) - 2.5, 0.0)
-    assert found.slant_range == pytest.approx(HEIGHT / np.cos(np.radians(beyond)), abs=1e-6)
-    assert found.slant_angle == pytest.approx(-np.sign(climb) * np.radians(min(abs(climb), 2.5)), abs=5e-5)
+    assert returns.slant_range == pytest.approx(HEIGHT / np.cos(np.radians(beyond)), abs=1e-6)
+    assert returns.slant_angle == pytest.approx(-np.sign(climb) * np.radians(min(abs(climb), 2.5)), abs=5e-5)
 
 
 def test_plane_itself_is_a_strip_without_width() -> None:
-    found = measured(poses(10.0, 0.0, 5.0, 7.0), sensor=InterferometricAltimeter(swath_width=0.0))
-    assert found.slant_range == pytest.approx(HEIGHT / np.cos(np.radians(7.0)), abs=1e-6)
-    assert abs(float(found.slant_angle[0])) < 1e-15
+    returns = measured(poses(10.0, 0.0, 5.0, 7.0), sensor=InterferometricAltimeter(swath_width=0.0))
+    assert returns.slant_range == pytest.approx(HEIGHT / np.cos(np.radians(7.0)), abs=1e-6)
+    assert abs(float(returns.slant_angle[0])) < 1e-15
 
 
 @pytest.mark.parametrize("slope_deg", [8.0, -8.0])
 def test_ground_that_rises_to_the_right_is_nearest_on_the_right(slope_deg: float) -> None:
     """Flying north over a slope to the east: the perpendicular.  Eq. 9 as printed cannot tell it from its mirror."""
     slope = np.radians(slope_deg)
-    found = measured(poses(), plane(slope_east=np.tan(slope)))
-    assert found.slant_range == pytest.approx(HEIGHT * np.cos(slope), abs=1e-6)
-    assert found.look_angle == pytest.approx(slope, abs=5e-5)
-    rho = found.slant_range[0] * found.direction_s[0]
-    printed = np.arccos(abs(rho[1]) / found.slant_range[0])
+    returns = measured(poses(), plane(slope_east=np.tan(slope)))
+    assert returns.slant_range == pytest.approx(HEIGHT * np.cos(slope), abs=1e-6)
+    assert returns.look_angle == pytest.approx(slope, abs=5e-5)
+    rho = returns.slant_range[0] * returns.direction_s[0]
+    printed = np.arccos(abs(rho[1]) / returns.slant_range[0])
     assert np.degrees(printed) == pytest.approx(82.0, abs=0.01)
 
 
 def test_slant_angle_needs_both_vectors_in_one_frame() -> None:
     """Eq. 8 with the velocity as the navigation frame has it and the point as the body has it, heading east."""
     at = poses(10.0, 0.0, 0.0, 2.0, course=90.0)
-    found = measured(at)
+    returns = measured(at)
     vel_n = MAT_ENU_NED @ at.vels_l[0]
-    printed = 90.0 - np.degrees(np.arccos(vel_n @ found.direction_s[0] / SPEED))
-    assert np.degrees(found.slant_angle) == pytest.approx(-2.0, abs=0.01)
+    printed = 90.0 - np.degrees(np.arccos(vel_n @ returns.direction_s[0] / SPEED))
+    assert np.degrees(returns.slant_angle) == pytest.approx(-2.0, abs=0.01)
     assert abs(printed + 2.0) > 5.0
 
 
@@ -175,13 +175,13 @@ def test_nearest_point_of_rough_ground_is_nearer_than_any_point_of_a_grid() -> N
     relief = fractal_relief((41, 41), 100.0, np.random.default_rng(6), sd=40.0, max_size_m=4000.0, min_size_m=400.0)
     ground = Terrain.from_array(relief, 100.0, east0=-2000.0, north0=-2000.0)
     at = poses([5.0, -12.0, 0.0, 20.0], 2.0, [0.0, 8.0, -5.0, 3.0], course=30.0)
-    found = measured(at, ground)
+    returns = measured(at, ground)
     fine, posts = points_of(ground, 8.0), points_of(ground, 100.0)
-    longer = np.array([in_strip(at, k, fine).min() for k in range(len(at))]) - found.slant_range
+    longer = np.array([in_strip(at, k, fine).min() for k in range(len(at))]) - returns.slant_range
     assert longer.min() > -0.15 and longer.max() < 1.0
-    longer = np.array([in_strip(at, k, posts).min() for k in range(len(at))]) - found.slant_range
+    longer = np.array([in_strip(at, k, posts).min() for k in range(len(at))]) - returns.slant_range
     assert longer.min() > 0.0 and longer.max() > 1.0
-    hits = at.origins_l + found.slant_range[:, None] * np.einsum("nij,nj->ni", at.mats_ls, found.direction_s)
+    hits = at.origins_l + returns.slant_range[:, None] * np.einsum("nij,nj->ni", at.mats_ls, returns.direction_s)
     assert ground.up(hits[:, 0], hits[:, 1]) == pytest.approx(hits[:, 2], abs=1e-6)
 
 
@@ -275,10 +275,10 @@ def test_without_a_velocity_there_is_no_plane() -> None:
 def test_noise_makes_no_negative_range() -> None:
     at = poses(np.zeros(60))
     at.origins_l[:, 2] = 3.0
-    found = InterferometricAltimeter(rays=(2, 3)).measure(FLAT, at, np.random.default_rng(2))
-    assert 0.1 < (found.validity == Validity.TOO_NEAR).mean() < 0.45  # of 4.54 m a quarter is below -3 m
-    assert found.valid.any() and found.slant_range[found.valid].min() >= 0.0
-    assert np.isnan(found.slant_range[~found.valid]).all()
+    returns = InterferometricAltimeter(rays=(2, 3)).measure(FLAT, at, np.random.default_rng(2))
+    assert 0.1 < (returns.validity == Validity.TOO_NEAR).mean() < 0.45  # of 4.54 m a quarter is below -3 m
+    assert returns.valid.any() and returns.slant_range[returns.valid].min() >= 0.0
+    assert np.isnan(returns.slant_range[~returns.valid]).all()
 
 
 def test_antennas_that_cannot_tell_the_whole_field_of_view_are_refused() -> None:
@@ -298,8 +298,8 @@ def test_antennas_that_cannot_tell_the_whole_field_of_view_are_refused() -> None
 def test_beyond_its_range_there_is_no_return() -> None:
     at = poses([0.0, 0.0])
     at.origins_l[1, 2] = 900.0
-    found = measured(at, sensor=InterferometricAltimeter(max_range=950.0))
-    assert found.validity.tolist() == [Validity.NO_RETURN, Validity.VALID]
+    returns = measured(at, sensor=InterferometricAltimeter(max_range=950.0))
+    assert returns.validity.tolist() == [Validity.NO_RETURN, Validity.VALID]
 
 
 def test_ground_that_nobody_knows_within_the_range_is_no_measurement() -> None:
@@ -310,10 +310,10 @@ def test_ground_that_nobody_knows_within_the_range_is_no_measurement() -> None:
     at.origins_l[2, 0] = 5000.0  # outside
     at.origins_l[3, :2] = -1600.0, 1000.0  # a ray 30 deg to the left leaves the coverage after 800 m
     at.origins_l[4, :2] = -1495.0, 1000.0  # after 1010 m
-    found = measured(at, plane(hole=True))
+    returns = measured(at, plane(hole=True))
     reasons = [Validity.HOLE, Validity.VALID, Validity.OUTSIDE, Validity.OUTSIDE, Validity.VALID]
-    assert found.validity.tolist() == reasons
-    assert found.slant_range[[1, 4]] == pytest.approx(HEIGHT, abs=1e-6)
+    assert returns.validity.tolist() == reasons
+    assert returns.slant_range[[1, 4]] == pytest.approx(HEIGHT, abs=1e-6)
 
 
 def test_many_poses_are_measured_like_each_alone_and_none_like_nothing() -> None:
@@ -330,8 +330,8 @@ def test_many_poses_are_measured_like_each_alone_and_none_like_nothing() -> None
 def test_a_pose_underground_or_nowhere_has_its_reason() -> None:
     at = poses([0.0, 0.0])
     at.origins_l[:, 2] = -500.0, np.nan
-    found = measured(at)
-    assert found.validity.tolist() == [Validity.BURIED, Validity.UNKNOWN] and np.isnan(found.slant_range).all()
+    returns = measured(at)
+    assert returns.validity.tolist() == [Validity.BURIED, Validity.UNKNOWN] and np.isnan(returns.slant_range).all()
 
 
 def test_wrong_figures_are_refused() -> None:

@@ -21,9 +21,9 @@ def truth(t: Array) -> Poses:
     return Poses(origins, MAT_ENU_NED @ mat_from_rpy(ROLL * np.sin(ROLL_RATE * t), 0.05, 6.2 + 0.05 * t), vels)
 
 
-def angle_between(found: Array, expected: Array) -> Array:
+def angle_between(values: Array, expected: Array) -> Array:
     """Of rotation matrices (n, 3, 3) that differ by little [rad]."""
-    return np.asarray(np.linalg.norm(found - expected, axis=(1, 2)) / np.sqrt(2.0))
+    return np.asarray(np.linalg.norm(values - expected, axis=(1, 2)) / np.sqrt(2.0))
 
 
 def errors(step: float, position: str) -> tuple[float, float, float]:
@@ -72,9 +72,9 @@ def test_a_constant_turn_is_exact_whatever_its_axis() -> None:
         mats = mat_from_rpy(0.3, 0.2, 6.0) @ mat_from_rpy(2.4 * when, 0.0, 0.0)
         return Poses.stationary(np.zeros((len(when), 3)), mats)
 
-    found = interpolate_poses(t, rolling(t), at)
-    assert np.abs(found.mats_ls - rolling(at).mats_ls).max() < 2e-14
-    identity = found.mats_ls @ np.swapaxes(found.mats_ls, 1, 2)
+    poses = interpolate_poses(t, rolling(t), at)
+    assert np.abs(poses.mats_ls - rolling(at).mats_ls).max() < 2e-14
+    identity = poses.mats_ls @ np.swapaxes(poses.mats_ls, 1, 2)
     assert np.abs(identity - np.eye(3)).max() < 1e-14
 
 
@@ -89,11 +89,11 @@ def test_nothing_is_known_outside_beside_a_lost_epoch_and_across_half_a_turn() -
     epochs.origins_l[2] = np.nan
     mats = epochs.mats_ls.copy()
     mats[5] = mats[4] @ np.diag([1.0, -1.0, -1.0])
-    found = interpolate_poses(
+    poses = interpolate_poses(
         np.arange(6.0), Poses(epochs.origins_l, mats, epochs.vels_l), [-0.1, 0.5, 1.5, 2.5, 3.5, 4.5, 5.1]
     )
-    assert np.isnan(found.origins_l[:, 0]).tolist() == [True, False, True, True, False, False, True]
-    assert np.isnan(found.mats_ls[:, 0, 0]).tolist() == [True, False, False, False, False, True, True]
+    assert np.isnan(poses.origins_l[:, 0]).tolist() == [True, False, True, True, False, False, True]
+    assert np.isnan(poses.mats_ls[:, 0, 0]).tolist() == [True, False, False, False, False, True, True]
 
 
 @pytest.mark.parametrize("times", [[0.0, 1.0], [0.0, 1.0, 1.0], [0.0, np.nan, 2.0], [2.0, 1.0, 0.0]])

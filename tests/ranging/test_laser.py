@@ -27,12 +27,12 @@ def test_a_plane_has_the_closed_form(slope_east: float, slope_north: float) -> N
     """T5: the ray and the plane's normal; 1e-9 of the range."""
     rng = np.random.default_rng(1)
     at = looking_down(400.0, *rng.uniform([[-0.6], [-0.5], [0.0]], [[0.6], [0.5], [6.0]], (3, 500)))
-    found = Laser(max_range=1500.0).measure(plane(slope_east, slope_north), at)
+    returns = Laser(max_range=1500.0).measure(plane(slope_east, slope_north), at)
     expected = to_plane(at.origins_l, at.mats_ls[:, :, 2], slope_east, slope_north)
     reached = expected < 1500.0
-    assert reached.sum() > 450 and (found.valid == reached).all()
-    assert np.abs(found.slant_range / expected - 1.0)[reached].max() < 1e-9
-    assert (found.dispersion[reached] == 0.0).all() and np.isnan(found.dispersion[~reached]).all()
+    assert reached.sum() > 450 and (returns.valid == reached).all()
+    assert np.abs(returns.slant_range / expected - 1.0)[reached].max() < 1e-9
+    assert (returns.dispersion[reached] == 0.0).all() and np.isnan(returns.dispersion[~reached]).all()
 
 
 def test_as_it_stands_it_is_the_bare_ray() -> None:
@@ -40,10 +40,10 @@ def test_as_it_stands_it_is_the_bare_ray() -> None:
     rng = np.random.default_rng(2)
     ground = FLAT.with_finest(rng.normal(0.0, 20.0, FLAT.finest.heights.shape))
     at = looking_down(rng.uniform(100.0, 900.0, 300), rng.uniform(-0.7, 0.7, 300))
-    found = Laser(max_range=700.0).measure(ground, at)
+    returns = Laser(max_range=700.0).measure(ground, at)
     ranges, outcomes = ground.trace(at.origins_l, at.mats_ls[:, :, 2], 700.0)
-    assert found.slant_range.tobytes() == ranges.tobytes() and (found.validity == outcomes).all()
-    assert 20 < np.isnan(found.slant_range).sum() < 280
+    assert returns.slant_range.tobytes() == ranges.tobytes() and (returns.validity == outcomes).all()
+    assert 20 < np.isnan(returns.slant_range).sum() < 280
 
 
 # ---------------------------------------------------------------------------------------------------- how far, how near
@@ -55,28 +55,28 @@ def test_reach_follows_from_reflectance_and_incidence(cover: Cover, roll: float)
     """d_max = 500 m sqrt(rho cos(i) / 0.2), met within 1e-6."""
     limit = 500.0 * np.sqrt(REFLECTANCE[cover] * np.cos(roll) / 0.2)
     slant = limit * np.array([0.5, 1.0 - 1e-6, 1.0 + 1e-6, 1.2])
-    found = Laser(500.0, 0.2, cover).measure(FLAT, looking_down(slant * np.cos(roll), roll))
+    returns = Laser(500.0, 0.2, cover).measure(FLAT, looking_down(slant * np.cos(roll), roll))
     beyond = Validity.NO_RETURN if slant[3] > 500.0 / np.sqrt(0.2) else Validity.WEAK
-    assert found.validity.tolist() == [Validity.VALID, Validity.VALID, Validity.WEAK, beyond]
-    assert found.slant_range[:2] == pytest.approx(slant[:2], rel=1e-12)
-    assert np.isnan(found.slant_range[2:]).all() and np.isnan(found.power[2:]).all()
+    assert returns.validity.tolist() == [Validity.VALID, Validity.VALID, Validity.WEAK, beyond]
+    assert returns.slant_range[:2] == pytest.approx(slant[:2], rel=1e-12)
+    assert np.isnan(returns.slant_range[2:]).all() and np.isnan(returns.power[2:]).all()
 
 
 def test_power_is_what_the_lens_collects() -> None:
     """Lambert: rho cos(i) / pi per steradian, times the lens, pi D^2 / 4 seen from d."""
     laser = Laser(1000.0, cover=Cover.TARMAC, aperture=0.08)
-    found = laser.measure(FLAT, looking_down(200.0, 0.5))
+    returns = laser.measure(FLAT, looking_down(200.0, 0.5))
     lens = np.pi * 0.04**2 / (200.0 / np.cos(0.5)) ** 2
-    assert found.power == pytest.approx([0.17 * np.cos(0.5) / np.pi * lens], rel=1e-9)
+    assert returns.power == pytest.approx([0.17 * np.cos(0.5) / np.pi * lens], rel=1e-9)
     assert Laser().measure(FLAT, looking_down(1e-6)).power[0] <= REFLECTANCE[Cover.GRASS]  # no more than is scattered
 
 
 def test_power_on_a_slope_falls_with_the_angle_to_its_normal() -> None:
     at = looking_down(300.0, [0.0, 0.3, -0.3, 0.1], [0.0, 0.1, 0.2, -0.2], 0.7)
-    found = Laser(1000.0, aperture=0.05).measure(plane(0.4, -0.2), at)
+    returns = Laser(1000.0, aperture=0.05).measure(plane(0.4, -0.2), at)
     normal = np.array([-0.4, 0.2, 1.0]) / np.sqrt(1.2)
-    expected = 0.45 * -(at.mats_ls[:, :, 2] @ normal) * 0.05**2 / (4.0 * found.slant_range**2)
-    assert found.power == pytest.approx(expected, rel=1e-9)
+    expected = 0.45 * -(at.mats_ls[:, :, 2] @ normal) * 0.05**2 / (4.0 * returns.slant_range**2)
+    assert returns.power == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_pulse_hides_what_is_nearer_than_half_its_length() -> None:
@@ -96,8 +96,8 @@ def test_land_cover_decides_place_by_place() -> None:
     landscape = Landscape(FLAT, np.zeros((rows, columns)), covered)
     at = looking_down(np.full(2, 400.0))
     at.origins_l[:, 0] = [-500.0, 500.0]
-    found = Laser(500.0, 0.2, landscape.cover_at).measure(FLAT, at)
-    assert found.validity.tolist() == [Validity.VALID, Validity.WEAK]
+    returns = Laser(500.0, 0.2, landscape.cover_at).measure(FLAT, at)
+    assert returns.validity.tolist() == [Validity.VALID, Validity.WEAK]
     unknown = Laser(500.0, 0.2, lambda east, north: np.full(east.shape, 255, np.uint8)).measure(FLAT, at)
     assert (unknown.validity == Validity.OUTSIDE).all() and np.isnan(unknown.slant_range).all()
 
@@ -120,10 +120,10 @@ def test_rays_of_the_footprint_are_an_even_disc() -> None:
 @pytest.mark.parametrize("incidence", [0.2, -0.7, 1.1])
 def test_dispersion_over_a_plane(incidence: float) -> None:
     """The ranges of an even disc of the width d w, tilted by i, deviate by d w tan(i) / 4; 0.5 %: 19 rays."""
-    found = Laser(2000.0, divergence=2e-3, pulse_length=50e-9).measure(FLAT, looking_down(300.0, incidence))
+    returns = Laser(2000.0, divergence=2e-3, pulse_length=50e-9).measure(FLAT, looking_down(300.0, incidence))
     slant = 300.0 / np.cos(incidence)
-    assert found.dispersion == pytest.approx([slant * 2e-3 * abs(np.tan(incidence)) / 4], rel=0.005)
-    assert found.slant_range == pytest.approx([slant], rel=1e-4)
+    assert returns.dispersion == pytest.approx([slant * 2e-3 * abs(np.tan(incidence)) / 4], rel=0.005)
+    assert returns.slant_range == pytest.approx([slant], rel=1e-4)
 
 
 def roof_edge(edge: float) -> Terrain:
@@ -164,12 +164,14 @@ def test_a_footprint_that_touches_a_hole_has_no_range() -> None:
 
 def test_echoes_that_are_not_resolved_are_one() -> None:
     """A pulse of 100 ns does not tell 10 m apart: one echo at the mean, with the spread of a two-point distribution."""
-    found = Laser(1000.0, divergence=3e-3, pulse_length=100e-9, returns="both").measure(roof_edge(0.095), above_edge())
+    returns = Laser(1000.0, divergence=3e-3, pulse_length=100e-9, returns="both").measure(
+        roof_edge(0.095), above_edge()
+    )
     apart = Laser(1000.0, divergence=3e-3, pulse_length=10e-9, returns="both").measure(roof_edge(0.095), above_edge())
     share = apart.power[0] / apart.power[0].sum()
-    assert found.slant_range[0] == pytest.approx(np.full(2, share @ apart.slant_range[0]), abs=1e-3)
-    assert found.dispersion[0] == pytest.approx(np.full(2, 10.0 * np.sqrt(share[0] * share[1])), abs=1e-2)
-    assert found.power[0, 0] == pytest.approx(apart.power.sum())
+    assert returns.slant_range[0] == pytest.approx(np.full(2, share @ apart.slant_range[0]), abs=1e-3)
+    assert returns.dispersion[0] == pytest.approx(np.full(2, 10.0 * np.sqrt(share[0] * share[1])), abs=1e-2)
+    assert returns.power[0, 0] == pytest.approx(apart.power.sum())
 
 
 @pytest.mark.parametrize(("pulse_length", "echoes"), [(65e-9, 2), (68e-9, 1)])
@@ -195,12 +197,12 @@ def test_sentinel_stands_for_silence_and_for_nothing_else() -> None:
     laser = Laser(500.0, 0.2, pulse_length=10e-9, sentinel=130.0, error=RangeError(noise_sd=0.1))
     at = looking_down([100.0, 760.0, 1500.0, 1.0, 100.0, np.nan, -5.0])
     at.origins_l[4, 0] = 5000.0
-    found = laser.measure(FLAT, at, np.random.default_rng(5))
-    assert found.validity[:4].tolist() == [Validity.VALID, Validity.WEAK, Validity.NO_RETURN, Validity.TOO_NEAR]
-    assert found.slant_range[1:4].tolist() == [130.0] * 3
-    assert found.validity[4:].tolist() == [Validity.OUTSIDE, Validity.UNKNOWN, Validity.BURIED]
-    assert np.isnan(found.slant_range[4:]).all()
-    assert np.isnan(found.direction_s[1:]).all() and found.direction_s[0].tolist() == [0.0, 0.0, 1.0]
+    returns = laser.measure(FLAT, at, np.random.default_rng(5))
+    assert returns.validity[:4].tolist() == [Validity.VALID, Validity.WEAK, Validity.NO_RETURN, Validity.TOO_NEAR]
+    assert returns.slant_range[1:4].tolist() == [130.0] * 3
+    assert returns.validity[4:].tolist() == [Validity.OUTSIDE, Validity.UNKNOWN, Validity.BURIED]
+    assert np.isnan(returns.slant_range[4:]).all()
+    assert np.isnan(returns.direction_s[1:]).all() and returns.direction_s[0].tolist() == [0.0, 0.0, 1.0]
 
 
 def test_error_model_is_applied_to_the_reported_range() -> None:

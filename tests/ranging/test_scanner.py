@@ -62,9 +62,9 @@ def test_square_grid_needs_the_line_rate_of_the_source(height: float, speed: flo
     """Eq. 5.5 for a facet without dead time, and both distances are equal then."""
     whole = RangeScanner(facets=9)
     expected = np.sqrt(10_000.0 * speed * np.cos(pitch) / (2.0 * np.tan(np.radians(40.0)) * height))
-    found = float(whole.square_line_rate(height, speed, pitch))
-    assert found == pytest.approx(expected, rel=1e-12)
-    square = RangeScanner(facets=9, line_rate=found)
+    value = float(whole.square_line_rate(height, speed, pitch))
+    assert value == pytest.approx(expected, rel=1e-12)
+    square = RangeScanner(facets=9, line_rate=value)
     assert square.in_line_distance(height, pitch) == pytest.approx(square.line_distance(speed))
 
 
@@ -113,12 +113,12 @@ def test_lines_follow_each_other() -> None:
     scanner = RangeScanner(pulse_rate=10_000.0, line_rate=40.0, facets=8, field_of_view=np.radians(45.0))
     at = looking_down([200.0, 200.0], speed=60.0)
     at.origins_l[1, 1] += 60.0
-    found = scanner.scan(FLAT, [0.0, 1.0], at)
-    assert len(found.times) == pytest.approx(10_000 / 2, abs=41)
-    nadir = np.abs(found.returns.direction_s[:, 1]) < 1e-9
-    north = found.points_l()[nadir, 1]
+    scan = scanner.scan(FLAT, [0.0, 1.0], at)
+    assert len(scan.times) == pytest.approx(10_000 / 2, abs=41)
+    nadir = np.abs(scan.returns.direction_s[:, 1]) < 1e-9
+    north = scan.points_l()[nadir, 1]
     assert len(north) == 40 and np.diff(north) == pytest.approx(np.full(39, scanner.line_distance(60.0)), rel=1e-9)
-    steps = np.diff(found.times)
+    steps = np.diff(scan.times)
     assert np.sort(np.unique(np.round(steps * 1e4))).tolist() == [1.0, 126.0]  # within a line, and across the dead time
 
 
@@ -171,8 +171,8 @@ def test_nothing_is_measured_where_navigation_is_lost() -> None:
 def test_the_last_pulse_is_measured_whatever_the_rounding() -> None:
     """Ten times 0.02 s is a little less than 0.2 s; the pulse that leaves then is the last, not one beyond."""
     t = np.array([0.0, *np.cumsum(np.full(10, 0.02))])
-    found = RangeScanner(pulse_rate=50_000.0, line_rate=52.5, facets=9).scan(FLAT, t, flight_poses(t))
-    assert found.times[-1] == t[-1] < 0.2 and found.returns.valid.all()
+    scan = RangeScanner(pulse_rate=50_000.0, line_rate=52.5, facets=9).scan(FLAT, t, flight_poses(t))
+    assert scan.times[-1] == t[-1] < 0.2 and scan.returns.valid.all()
 
 
 def test_the_same_generator_gives_the_same_scan() -> None:

@@ -63,8 +63,8 @@ def test_fog_shortens_the_reach(roll: float) -> None:
     limit = float(lambertw(sigma * clear).real) / sigma
     assert limit < 0.7 * clear
     heights = limit * np.cos(roll) * np.array([1.0 - 1e-6, 1.0 + 1e-6])
-    found = Laser(500.0, 0.2, weather=(Cloud(-np.inf, 1e4, sigma),)).measure(FLAT, looking_down(heights, roll))
-    assert found.validity.tolist() == [Validity.VALID, Validity.WEAK]
+    returns = Laser(500.0, 0.2, weather=(Cloud(-np.inf, 1e4, sigma),)).measure(FLAT, looking_down(heights, roll))
+    assert returns.validity.tolist() == [Validity.VALID, Validity.WEAK]
 
 
 def test_light_fades_on_both_ways_through_each_layer() -> None:
@@ -123,16 +123,16 @@ def test_what_lies_before_the_gate_takes_its_share() -> None:
 def test_a_cloud_is_reported_as_ground() -> None:
     """The recorded approach: on the way down the range falls to its least, stays there, and is right below the base."""
     up = np.arange(700.0, 0.0, -5.0)
-    found = laser(Cloud(102.0, 352.0, 0.04)).measure(FLAT, looking_down(up))
+    returns = laser(Cloud(102.0, 352.0, 0.04)).measure(FLAT, looking_down(up))
     rho = np.pi / (2.0 * LIDAR_RATIO) * (1.0 - np.exp(-2.0 * 0.04 * GATE))
     sees_cloud = 500.0 * np.sqrt(rho / 0.2)
     above, inside, below = up > 352.0, (up > 102.0) & (up < 352.0), up < 102.0
     expected = np.where(above & (up - 352.0 < sees_cloud), up - 352.0, np.nan)
     expected[inside], expected[below] = GATE, up[below]
-    assert found.slant_range == pytest.approx(expected, nan_ok=True)
+    assert returns.slant_range == pytest.approx(expected, nan_ok=True)
     assert 75.0 < np.nanmax(expected[above]) < sees_cloud < 120.0
-    assert found.valid.tolist() == np.isfinite(expected).tolist(), "an early return is not marked"
-    assert (found.validity[np.isnan(expected)] == Validity.WEAK).sum() > 10, "ground behind the cloud is too weak"
+    assert returns.valid.tolist() == np.isfinite(expected).tolist(), "an early return is not marked"
+    assert (returns.validity[np.isnan(expected)] == Validity.WEAK).sum() > 10, "ground behind the cloud is too weak"
 
 
 def test_last_return_is_the_ground_through_a_thin_cloud() -> None:
@@ -145,17 +145,17 @@ def test_last_return_is_the_ground_through_a_thin_cloud() -> None:
 
 def test_a_cloud_behind_the_ground_is_not_seen() -> None:
     for returns in ("first", "last"):
-        found = laser(Cloud(-300.0, -10.0, 0.1), returns=returns).measure(FLAT, looking_down([20.0, 60.0]))
-        assert found.slant_range == pytest.approx([20.0, 60.0]) and (found.power > 0.0).all()
+        result = laser(Cloud(-300.0, -10.0, 0.1), returns=returns).measure(FLAT, looking_down([20.0, 60.0]))
+        assert result.slant_range == pytest.approx([20.0, 60.0]) and (result.power > 0.0).all()
 
 
 # ----------------------------------------------------------------------------------------------------------- statistics
 
 
-def shares(found: Returns, ground: float) -> tuple[float, float]:
+def shares(returns: Returns, ground: float) -> tuple[float, float]:
     """Of the pulses: those that the cloud answers, and those that the ground answers."""
-    early = found.valid & (found.slant_range < ground - 1.0)
-    return float(early.mean()), float((found.valid & ~early).mean())
+    early = returns.valid & (returns.slant_range < ground - 1.0)
+    return float(early.mean()), float((returns.valid & ~early).mean())
 
 
 @pytest.mark.parametrize("variation", [0.4, 1.0])
@@ -167,13 +167,13 @@ def test_how_often_a_cloud_answers_and_how_often_the_ground(variation: float, sc
     """
     pulses, sigma, above, thick, height = 4000 * scale, 0.02, 80.0, 30.0, 260.0
     cloud = Cloud(height - above - thick, height - above, sigma, variation)
-    found = laser(cloud).measure(FLAT, looking_down(np.full(pulses, height)), np.random.default_rng(7))
+    returns = laser(cloud).measure(FLAT, looking_down(np.full(pulses, height)), np.random.default_rng(7))
     law = stats.gamma(variation**-2, scale=variation**2)
     answers = -np.log1p(-2.0 * LIDAR_RATIO / np.pi * 0.2 * (above / 500.0) ** 2) / (2.0 * sigma * GATE)
     passes = -np.log(0.2 / GRASS * (height / 500.0) ** 2) / (2.0 * sigma * thick)
     expected = law.sf(answers), law.cdf(min(answers, passes))
     assert 0.05 < expected[0] < 0.95 and 0.05 < expected[1] < 0.95
-    for share, probability in zip(shares(found, height), expected, strict=True):
+    for share, probability in zip(shares(returns, height), expected, strict=True):
         assert abs(share - probability) < 4.4 * np.sqrt(probability * (1.0 - probability) / pulses)
 
 
@@ -196,5 +196,5 @@ def test_variation_is_drawn_from_the_generator_alone() -> None:
 
 def test_fog_lies_on_the_ground() -> None:
     """Inside it the laser is blinded from the least range on; above it sees the fog's top."""
-    found = laser(fog(visibility=80.0, top=60.0)).measure(FLAT, looking_down([30.0, 90.0]))
-    assert found.slant_range == pytest.approx([GATE, 30.0])
+    returns = laser(fog(visibility=80.0, top=60.0)).measure(FLAT, looking_down([30.0, 90.0]))
+    assert returns.slant_range == pytest.approx([GATE, 30.0])

@@ -248,12 +248,12 @@ def lines(case: Case, flights: list[Samples]) -> Iterator[str]:
     """A line for each value that the outputs have."""
     offered = sum(f.offered for f in flights)
     for name in FIELDS:
-        found = judge(flights, name)
-        if found:
+        result = judge(flights, name)
+        if result:
             yield (
-                f"{case!s:<22} {name:<12} {found.n:>4}/{offered:<4} {found.within_1:>6.1%} {found.within_2:>6.1%} "
-                f"{found.rms_z:>6.2f} {found.bias:>+7.2f} {found.spread:>7.2f} {found.stated:>7.2f} {found.worst:>6.0%}"
-                f"{'' if found.holds else '  FAILS'}"
+                f"{case!s:<22} {name:<12} {result.n:>4}/{offered:<4} {result.within_1:>6.1%} {result.within_2:>6.1%} "
+                f"{result.rms_z:>6.2f} {result.bias:>+7.2f} {result.spread:>7.2f} {result.stated:>7.2f} "
+                f"{result.worst:>6.0%}{'' if result.holds else '  FAILS'}"
             )
 
 

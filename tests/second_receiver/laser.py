@@ -64,10 +64,10 @@ def _distances(height: Callable[[Array, Array], Array], place: Array, rays: Arra
             break
         hit = which[:, above(np.full(which.shape[1], along), which) <= 0.0]
         low[tuple(hit)], high[tuple(hit)], missing[tuple(hit)] = along - STEP_M, along, False
-    found = np.array(np.nonzero(~missing))
+    values = np.array(np.nonzero(~missing))
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        over = above(middle[tuple(found)], found) > 0.0
-        low[tuple(found)] = np.where(over, middle[tuple(found)], low[tuple(found)])
-        high[tuple(found)] = np.where(over, high[tuple(found)], middle[tuple(found)])
+        over = above(middle[tuple(values)], values) > 0.0
+        low[tuple(values)] = np.where(over, middle[tuple(values)], low[tuple(values)])
+        high[tuple(values)] = np.where(over, high[tuple(values)], middle[tuple(values)])
     return np.asarray(0.5 * (low + high))

@@ -20,9 +20,9 @@ MIN_VALID = 0.9
 def test_the_stated_sigma_holds(case: Case, scale: int) -> None:
     flights = run_sites(case, SITES if scale == 1 else SITES_FULL, SEED)
     print(f"seed {SEED}", TITLE, *lines(case, flights), sep="\n")
-    found = judge(flights, "height_agl")
-    assert found is not None
-    assert found.within_1 >= 0.60
-    assert found.within_2 >= 0.93
-    assert found.rms_z >= 0.5
-    assert found.n >= MIN_VALID * sum(flight.offered for flight in flights)
+    result = judge(flights, "height_agl")
+    assert result is not None
+    assert result.within_1 >= 0.60
+    assert result.within_2 >= 0.93
+    assert result.rms_z >= 0.5
+    assert result.n >= MIN_VALID * sum(flight.offered for flight in flights)

@@ -47,20 +47,20 @@ def test_the_aircraft_s_axes_are_right_handed_and_turn_the_right_way() -> None:
 def test_over_level_ground_a_radar_measures_the_height(height: float) -> None:
     rng = np.random.default_rng(1)
     places = np.tile([0.0, 0.0, height], (20, 1))
-    found = Radar(steps=False).measure(
+    values = Radar(steps=False).measure(
         plane(0.0), places, np.tile(attitude(8.0), (20, 1, 1)), np.tile(SPEED, (20, 1)), rng
     )
-    assert found.mean() == pytest.approx(height, abs=0.5)
-    assert found.std() < 0.6
+    assert values.mean() == pytest.approx(height, abs=0.5)
+    assert values.std() < 0.6
 
 
 def test_over_a_slope_inside_its_beam_a_radar_measures_the_shortest_way() -> None:
     rng = np.random.default_rng(1)
     places = np.tile([0.0, 0.0, 200.0], (20, 1))
-    found = Radar(steps=False).measure(
+    values = Radar(steps=False).measure(
         plane(10.0), places, np.tile(attitude(), (20, 1, 1)), np.tile(SPEED, (20, 1)), rng
     )
-    assert found.mean() == pytest.approx(200.0 * np.cos(np.deg2rad(10.0)), abs=0.8)
+    assert values.mean() == pytest.approx(200.0 * np.cos(np.deg2rad(10.0)), abs=0.8)
 
 
 @pytest.mark.parametrize("roll_deg", [-15.0, 0.0, 20.0])
@@ -68,10 +68,10 @@ def test_a_laser_over_a_slope_ends_on_it(roll_deg: float) -> None:
     """Heading north a bank to the right looks to the left, down the slope that rises to the east."""
     place = np.array([[3.0, 5.0, 120.0]])
     laser = Laser(divergence=1e-6, noise=0.0)
-    found = laser.measure(plane(12.0), place, attitude(roll_deg), SPEED, np.random.default_rng(1))
+    values = laser.measure(plane(12.0), place, attitude(roll_deg), SPEED, np.random.default_rng(1))
     roll, rise = np.deg2rad(roll_deg), np.tan(np.deg2rad(12.0))
     clear = 120.0 - 3.0 * rise
-    assert found[0] == pytest.approx(clear / (np.cos(roll) - rise * np.sin(roll)), abs=0.02)
+    assert values[0] == pytest.approx(clear / (np.cos(roll) - rise * np.sin(roll)), abs=0.02)
 
 
 def test_steps_are_those_of_the_instrument() -> None:
@@ -105,9 +105,9 @@ def test_grounds_are_as_rough_as_they_are_called() -> None:
 
 def test_processes_have_the_sigma_and_the_length_that_they_are_asked_for() -> None:
     rng = np.random.default_rng(4)
-    found = wander(np.linspace(0.0, 19999.0, 20000), 2.0, 10.0, rng)
-    assert found.std() == pytest.approx(2.0, rel=0.1)
-    assert np.mean(found[10:] * found[:-10]) / found.var() == pytest.approx(np.exp(-1.0), abs=0.1)
+    values = wander(np.linspace(0.0, 19999.0, 20000), 2.0, 10.0, rng)
+    assert values.std() == pytest.approx(2.0, rel=0.1)
+    assert np.mean(values[10:] * values[:-10]) / values.var() == pytest.approx(np.exp(-1.0), abs=0.1)
     field = random_field(rng, 512, 40.0)
     shifted = np.roll(field, round(40.0 / POST_M), axis=1)
     assert np.mean(field * shifted) == pytest.approx(np.exp(-0.5), abs=0.1)

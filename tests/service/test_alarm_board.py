@@ -124,9 +124,9 @@ def test_lateness_in_an_alert_never_shows_fewer_alarms(rig: Rig, late_s: float) 
     while waited_ns < late_s * 1e9:
         rig.clock.advance(0.05)
         waited_ns += 50_000_000
-        shown = rig.check_latency(waited_ns)
-        assert "integrity_alert" in shown
-        assert ("navigation_late" in shown) == (waited_ns > LATE_NS)
+        texts = rig.check_latency(waited_ns)
+        assert "integrity_alert" in texts
+        assert ("navigation_late" in texts) == (waited_ns > LATE_NS)
     assert rig.check_latency(None) == ["integrity_alert"], "only a fresh judgement ends it"
 
 

@@ -44,8 +44,8 @@ def feed(used: bool, seconds: int) -> tuple[DeviceMonitor, int]:
 
 
 def clocks(diagnosis: DeviceMonitor, now_ns: int) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = diagnosis.devices(now_ns)["receiver"]["clocks"]
-    return found
+    contents: list[dict[str, Any]] = diagnosis.devices(now_ns)["receiver"]["clocks"]
+    return contents
 
 
 @pytest.mark.parametrize("used", [True, False])

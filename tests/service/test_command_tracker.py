@@ -93,8 +93,8 @@ async def test_a_device_may_refuse(bench: Bench) -> None:
 
 
 async def test_what_is_never_acknowledged_ends_when_it_is_sent(bench: Bench) -> None:
-    found = await (await bench.ask_and_send("k1", "reset"))
-    assert (found["state"], found["detail"]) == ("sent", "the device does not acknowledge it")
+    task = await (await bench.ask_and_send("k1", "reset"))
+    assert (task["state"], task["detail"]) == ("sent", "the device does not acknowledge it")
     assert bench.events[-1][0] == "info"
 
 
@@ -230,8 +230,8 @@ async def test_silence_is_timed_out_and_a_late_answer_reported(bench: Bench, mon
     )  # what is waited for the recorder counts no more
     bench.hint = "navigation is 7.0 s behind"
     task = await bench.ask_and_send(timeout_s=0.02)
-    found = await task
-    assert (found["state"], found["detail"]) == ("timed out", "no answer within 0.02 s; navigation is 7.0 s behind")
+    result = await task
+    assert (result["state"], result["detail"]) == ("timed out", "no answer within 0.02 s; navigation is 7.0 s behind")
     bench.clock.advance(5.0)
     bench.answer("", detail="OK")
     assert bench.events[-1] == ("warning", "1: mag rate rate=10: late answer: acknowledged after 5.0 s: OK")

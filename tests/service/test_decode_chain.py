@@ -47,8 +47,8 @@ def _chain() -> Chain:
 
 def _heights(chain: Chain, *reads: bytes) -> list[float | None]:
     fed = [chain.feed(RawFrame("line", seq, seq, data)) for seq, data in enumerate(reads)]
-    found = [m for products in fed for _, m in products.measurements]
-    return [round(m.height_agl) for m in found if isinstance(m, RadioHeight) and m.height_agl]
+    measurements = [m for products in fed for _, m in products.measurements]
+    return [round(m.height_agl) for m in measurements if isinstance(m, RadioHeight) and m.height_agl]
 
 
 def test_two_halves_make_a_frame() -> None:
@@ -105,8 +105,8 @@ def test_the_table_that_a_node_has_acknowledged_outlasts_a_gap(tmp_path: Path) -
     deflection = SurfaceDeflection(stamp=Stamp(0), surface="flaps", deflection=None, raw=1500)
 
     def fed(*frames: bytes) -> list[float]:
-        found = [m for data in frames for _, m in chain.feed(RawFrame("bus", 0, 1, data)).measurements]
-        return [round(math.degrees(m.deflection or 0.0), 6) for m in found if isinstance(m, SurfaceDeflection)]
+        measurements = [m for data in frames for _, m in chain.feed(RawFrame("bus", 0, 1, data)).measurements]
+        return [round(math.degrees(m.deflection or 0.0), 6) for m in measurements if isinstance(m, SurfaceDeflection)]
 
     assert fed(*nodes.encode(deflection)) == [10.0]
     args = {"surface": "flaps", "raw": "1500", "deg": "12"}

@@ -41,8 +41,8 @@ SECOND_NS = 1_000_000_000
 
 
 def chain_of(text: str) -> tuple[config.Config, Chain]:
-    found = config.parse(tomllib.loads(text), text, Path("bench.toml"))
-    return found, Chain(found, bind_devices(found, {}), None)
+    result = config.parse(tomllib.loads(text), text, Path("bench.toml"))
+    return result, Chain(result, bind_devices(result, {}), None)
 
 
 def test_the_lines_of_another_device_are_no_damage() -> None:

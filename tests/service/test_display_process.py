@@ -15,16 +15,16 @@ from tests.web.fake_daemon import KEY, DisplayProcess, FakeDaemon
 
 @pytest.fixture
 def daemon() -> Iterator[FakeDaemon]:
-    made = FakeDaemon()
-    yield made
-    made.close()
+    result = FakeDaemon()
+    yield result
+    result.close()
 
 
 @pytest.fixture
 def display(daemon: FakeDaemon) -> Iterator[DisplayProcess]:
-    made = DisplayProcess(daemon)
-    yield made
-    made.close()
+    result = DisplayProcess(daemon)
+    yield result
+    result.close()
 
 
 @pytest.fixture(autouse=True)

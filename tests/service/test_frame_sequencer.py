@@ -24,9 +24,9 @@ from fti.service.recorder.frame_sequencer import (
 
 @pytest.fixture
 def ring() -> Iterator[Ring]:
-    made = Ring.create(16 * PAGE)
-    yield made
-    made.close()
+    result = Ring.create(16 * PAGE)
+    yield result
+    result.close()
 
 
 def at_once(call: Callable[[], None]) -> None:
@@ -67,8 +67,8 @@ arrivals = st.lists(st.tuples(st.integers(0, 2), st.lists(st.integers(0, 50), mi
 @given(arrivals, st.sampled_from((1, 1, 60)))
 def test_every_frame_is_handed_on_once_and_in_order(arrived: list[tuple[int, list[int]]], times_as_much: int) -> None:
     """Always within a link; between links, too, except in a flood."""
-    made = Ring.create(1024 * PAGE)
-    sequencer, newest = FrameSequencer(made, at_once), [0, 0, 0]
+    result = Ring.create(1024 * PAGE)
+    sequencer, newest = FrameSequencer(result, at_once), [0, 0, 0]
     buffers = [TripleBuffer() for _ in newest]
     sinks = [sequencer.sink(n, buffer) for n, buffer in enumerate(buffers)]
     given_to: list[list[tuple[int, bytes]]] = [[] for _ in newest]
@@ -79,7 +79,7 @@ def test_every_frame_is_handed_on_once_and_in_order(arrived: list[tuple[int, lis
         given_to[link] += zip(times, frames, strict=True)
         sinks[link](frames, times)
     sequencer.flush()
-    records = RingReader(made).read(10_000)
+    records = RingReader(result).read(10_000)
     assert [record.seq for record in records] == list(range(sequencer.seq))
     if len(records) <= MAX_SORTED_FRAMES:
         assert [r.t_rx_ns for r in records] == sorted(r.t_rx_ns for r in records)
@@ -87,7 +87,7 @@ def test_every_frame_is_handed_on_once_and_in_order(arrived: list[tuple[int, lis
     for buffer, received, expected in zip(buffers, of_link, given_to, strict=True):
         assert [(r.t_rx_ns, r.data) for r in received] == expected
         assert list(iter_frames(buffer.take())) == [(r.seq, r.t_rx_ns, r.data) for r in received]
-    made.close()
+    result.close()
 
 
 @pytest.mark.parametrize("size", [0, 1000])

@@ -56,11 +56,11 @@ def test_an_interrupt_that_an_import_has_swallowed_ends_the_command(command: str
     config, left = tmp_path / "small.toml", tmp_path / "run"
     config.write_text(CONFIG.format(port=free_udp_port()))
     arguments = ["run", str(config), "--links", str(tmp_path)] if command == "run" else ["demo", "--headless"]
-    made = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, module, *arguments, "--out", str(tmp_path / "out"), "--run-dir", str(left)],
         capture_output=True,
         timeout=60,
         check=False,
     )
-    assert made.returncode == 130, made.stderr
+    assert process.returncode == 130, process.stderr
     assert not list(left.glob("*"))

@@ -18,14 +18,14 @@ from tests.helpers import ROOT
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The input of compiler processes."""
-    given: list[str] = []
+    texts: list[str] = []
 
     def run(command: list[str], *, input: str, **_: Any) -> None:
         assert command == [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
-        given.append(input)
+        texts.append(input)
 
     monkeypatch.setattr(subprocess, "run", run)
-    return given
+    return texts
 
 
 @pytest.fixture

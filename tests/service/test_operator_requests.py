@@ -115,10 +115,12 @@ async def test_what_is_not_a_source_or_has_no_navigation_is_not_readmitted(rig: 
 
 async def test_the_control_socket_names_who_asks_and_answers_in_order(rig: Rig, tmp_path: Path) -> None:
     failed: list[str] = []
-    made = run_directory.make("s", str(tmp_path))
-    server = await serve_commands(made.bind(), rig.requests.handle_command, lambda unit, error: failed.append(unit))
-    assert made.control_socket.stat().st_mode & 0o777 == 0o600
-    reader, writer = await asyncio.open_unix_connection(str(made.control_socket))
+    directory = run_directory.make("s", str(tmp_path))
+    server = await serve_commands(
+        directory.bind(), rig.requests.handle_command, lambda unit, error: failed.append(unit)
+    )
+    assert directory.control_socket.stat().st_mode & 0o777 == 0o600
+    reader, writer = await asyncio.open_unix_connection(str(directory.control_socket))
     request = {"id": "k1", "device": "mag", "command": "rate", "args": {"rate": "5"}}
     for line in ({"send": request}, {"mark": "behind it"}, ["no"], "{"):
         writer.write((line if isinstance(line, str) else json.dumps(line)).encode() + b"\n")
@@ -135,7 +137,7 @@ async def test_the_control_socket_names_who_asks_and_answers_in_order(rig: Rig, 
     ]
     writer.close()
     server.close()
-    made.withdraw()
+    directory.withdraw()
     assert failed == []
 
 
@@ -209,17 +211,17 @@ async def client(
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter, list[str]]]:
     """A connection to the control socket of these requests, and its failures."""
     failed: list[str] = []
-    made = run_directory.make("s", str(tmp_path))
+    directory = run_directory.make("s", str(tmp_path))
     server = await serve_commands(
-        made.bind(), rig.requests.handle_command, lambda unit, error: failed.append(f"{unit}: {error}")
+        directory.bind(), rig.requests.handle_command, lambda unit, error: failed.append(f"{unit}: {error}")
     )
-    reader, writer = await asyncio.open_unix_connection(str(made.control_socket))
+    reader, writer = await asyncio.open_unix_connection(str(directory.control_socket))
     try:
         yield reader, writer, failed
     finally:
         writer.close()
         server.close()
-        made.withdraw()
+        directory.withdraw()
 
 
 async def test_alarms_are_acknowledged_at_the_socket_and_on_the_page(rig: Rig) -> None:

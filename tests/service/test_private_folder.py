@@ -32,16 +32,16 @@ def _without_runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
 
 
-def info_of(made: run_directory.RunDirectory) -> run_directory.DaemonInfo:
-    return run_directory.DaemonInfo(os.getpid(), "da42", "s", None, None, 7, str(made.control_socket))
+def info_of(directory: run_directory.RunDirectory) -> run_directory.DaemonInfo:
+    return run_directory.DaemonInfo(os.getpid(), "da42", "s", None, None, 7, str(directory.control_socket))
 
 
 def test_the_directories_are_made_for_the_owner_alone(shared: Path) -> None:
-    made = run_directory.make("da42", None)
-    made.publish(info_of(made))
-    with made.bind():
+    directory = run_directory.make("da42", None)
+    directory.publish(info_of(directory))
+    with directory.bind():
         modes = {path.name: path.stat().st_mode & 0o777 for path in (shared, *shared.rglob("*"))}
-    made.withdraw()
+    directory.withdraw()
     assert modes == {shared.name: 0o700, "da42": 0o700, "fti.json": 0o600, "fti.sock": 0o600}
 
 
@@ -72,52 +72,52 @@ def test_a_symlink_is_refused(shared: Path, tmp_path: Path, below: str) -> None:
 def test_a_directory_of_another_user_is_refused_by_daemon_and_clients(
     shared: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = run_directory.make("da42", None)
-    made.publish(info_of(made))
+    directory = run_directory.make("da42", None)
+    directory.publish(info_of(directory))
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 12345)
     for refused in (
         lambda: run_directory.make("other", None),
         run_directory.find_daemon,
-        lambda: run_directory.find_daemon(str(made.path)),
-        lambda: run_directory.connect(made.control_socket, 1.0),
+        lambda: run_directory.find_daemon(str(directory.path)),
+        lambda: run_directory.connect(directory.control_socket, 1.0),
     ):
         with pytest.raises(MissingError, match=rf"{shared}.*: belongs to \w+, not to user {os.getuid() + 12345}"):
             refused()
-    made.withdraw()
+    directory.withdraw()
 
 
 def test_what_is_written_replaces_a_symlink_and_does_not_follow_it(tmp_path: Path, victim: Path) -> None:
-    made = run_directory.make("x", str(tmp_path / "run"))
+    directory = run_directory.make("x", str(tmp_path / "run"))
     for name in ("fti.json", "fti.json.new", "fti.sock"):
-        (made.path / name).symlink_to(victim)
-    made.publish(info_of(made))
-    made.bind().close()
+        (directory.path / name).symlink_to(victim)
+    directory.publish(info_of(directory))
+    directory.bind().close()
     assert victim.read_text() == "precious"
-    assert not (made.path / "fti.json").is_symlink()
-    assert run_directory.find_daemon(str(made.path)) == info_of(made)
-    made.withdraw()
-    assert not list(made.path.iterdir())
+    assert not (directory.path / "fti.json").is_symlink()
+    assert run_directory.find_daemon(str(directory.path)) == info_of(directory)
+    directory.withdraw()
+    assert not list(directory.path.iterdir())
 
 
 def test_a_symlink_is_not_read_as_the_daemons_word(tmp_path: Path) -> None:
-    made = run_directory.make("x", str(tmp_path / "run"))
-    made.publish(info_of(made))
-    (made.path / "fti.json").rename(tmp_path / "fti.json")
-    (made.path / "fti.json").symlink_to(tmp_path / "fti.json")
+    directory = run_directory.make("x", str(tmp_path / "run"))
+    directory.publish(info_of(directory))
+    (directory.path / "fti.json").rename(tmp_path / "fti.json")
+    (directory.path / "fti.json").symlink_to(tmp_path / "fti.json")
     with pytest.raises(MissingError, match="no daemon is running there"):
-        run_directory.find_daemon(str(made.path))
-    made.withdraw()
+        run_directory.find_daemon(str(directory.path))
+    directory.withdraw()
 
 
 def test_files_go_where_the_checked_directory_is_whatever_its_name_means_later(tmp_path: Path) -> None:
-    made = run_directory.make("x", str(tmp_path / "run"))
-    made.path.rename(tmp_path / "moved")
+    directory = run_directory.make("x", str(tmp_path / "run"))
+    directory.path.rename(tmp_path / "moved")
     (tmp_path / "run").mkdir()
-    made.publish(info_of(made))
-    made.bind().close()
+    directory.publish(info_of(directory))
+    directory.bind().close()
     assert not list((tmp_path / "run").iterdir())
     assert {path.name for path in (tmp_path / "moved").iterdir()} == {"fti.json", "fti.sock"}
-    made.withdraw()
+    directory.withdraw()
 
 
 def test_a_trusted_folder_is_ours_or_roots_and_may_be_missing_or_no_folder(tmp_path: Path) -> None:

@@ -87,9 +87,9 @@ class Rig:
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    made = Rig(tmp_path)
-    yield made
-    made.close()
+    result = Rig(tmp_path)
+    yield result
+    result.close()
 
 
 @pytest.mark.parametrize("link", ["line", "eth"])
@@ -117,10 +117,10 @@ def test_what_an_altimeter_sends_does_not_wait_for_the_beat(tmp_path: Path, link
 def _read_with(reader: RingReader, data: bytes) -> list[RingFrame]:
     """The frames that the recorder has put into the ring together with these bytes."""
     while True:
-        found = reader.read(1)
-        if any(record.data == data for record in found):
-            return found
-        if not found:
+        ring_frames = reader.read(1)
+        if any(record.data == data for record in ring_frames):
+            return ring_frames
+        if not ring_frames:
             reader.wait(30)
 
 

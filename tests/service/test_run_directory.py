@@ -21,34 +21,34 @@ def _info(folder: Path, pid: int) -> DaemonInfo:
 
 def test_a_running_daemon_is_found_by_its_directory_and_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    made = run_directory.make("da42", None)
-    assert made.path == tmp_path / "fti" / "da42"
-    assert made.path.stat().st_mode & 0o077 == 0
-    info = _info(made.path, os.getpid())
-    made.publish(info)
+    directory = run_directory.make("da42", None)
+    assert directory.path == tmp_path / "fti" / "da42"
+    assert directory.path.stat().st_mode & 0o077 == 0
+    info = _info(directory.path, os.getpid())
+    directory.publish(info)
     assert run_directory.find_daemon() == info
-    assert run_directory.find_daemon(str(made.path)) == info
-    made.withdraw()
+    assert run_directory.find_daemon(str(directory.path)) == info
+    directory.withdraw()
     with pytest.raises(MissingError, match="no daemon"):
         run_directory.find_daemon()
 
 
 def test_a_dead_daemon_is_not_found(tmp_path: Path) -> None:
-    made = run_directory.make("x", str(tmp_path))
-    made.publish(_info(tmp_path, os.getpid()))  # the number of a process that runs, as another one's may be later
-    os.close(made.fd)  # as its end does
+    directory = run_directory.make("x", str(tmp_path))
+    directory.publish(_info(tmp_path, os.getpid()))  # the number of a process that runs, as another one's may be later
+    os.close(directory.fd)  # as its end does
     with pytest.raises(MissingError, match=str(tmp_path)):
         run_directory.find_daemon(str(tmp_path))
 
 
 def test_among_several_the_user_chooses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    made = [run_directory.make(name, None) for name in ("one", "two")]
-    for one in made:
+    directories = [run_directory.make(name, None) for name in ("one", "two")]
+    for one in directories:
         one.publish(_info(one.path, os.getpid()))
     with pytest.raises(MissingError, match="--run-dir"):
         run_directory.find_daemon()
-    for one in made:
+    for one in directories:
         one.withdraw()
 
 
@@ -62,11 +62,11 @@ def test_a_second_daemon_of_the_same_name_gets_a_directory_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    made = [run_directory.make("da42", None) for _ in range(3)]  # none of them is published yet
-    assert [one.path.name for one in made] == ["da42", "da42_2", "da42_3"]
+    directories = [run_directory.make("da42", None) for _ in range(3)]  # none of them is published yet
+    assert [one.path.name for one in directories] == ["da42", "da42_2", "da42_3"]
     with pytest.raises(MissingError, match="another daemon"):
-        run_directory.make("da42", str(made[0].path))
-    for one in made:
+        run_directory.make("da42", str(directories[0].path))
+    for one in directories:
         one.withdraw()
 
 
@@ -83,7 +83,7 @@ def test_a_path_that_cannot_hold_a_socket_is_refused_before_anything_is_made(tmp
 
 
 def test_what_may_not_be_read_is_no_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = run_directory.make("x", str(tmp_path))
+    directory = run_directory.make("x", str(tmp_path))
 
     def refuse(folder_fd: int, name: str) -> bytes:
         raise PermissionError(13, "Permission denied", name)
@@ -91,7 +91,7 @@ def test_what_may_not_be_read_is_no_daemon(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(run_directory, "read_file", refuse)
     with pytest.raises(MissingError, match="no daemon"):
         run_directory.find_daemon(str(tmp_path))
-    made.withdraw()
+    directory.withdraw()
 
 
 def test_whoever_looks_for_a_daemon_takes_its_directory_from_nobody(tmp_path: Path) -> None:

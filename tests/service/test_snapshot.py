@@ -62,9 +62,9 @@ class Rig:
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    made = Rig(tmp_path)
-    yield made
-    made.sink.stop()
+    result = Rig(tmp_path)
+    yield result
+    result.sink.stop()
 
 
 def test_a_trigger_brings_exactly_its_interval_into_a_file(rig: Rig) -> None:

@@ -73,8 +73,8 @@ def test_what_a_trigger_asks_for_is_let_go_as_overflow() -> None:
     memory.hold_from(0)
     for n in range(500):
         memory.add(0, [(n, n, bytes(1000))])
-    held = len(taken(memory))
-    assert outcomes[0].overflow.frames == 500 - held
+    number = len(taken(memory))
+    assert outcomes[0].overflow.frames == 500 - number
     assert outcomes[0].not_triggered.frames == 0
 
 
@@ -93,10 +93,10 @@ def test_every_frame_is_held_or_counted(given_frames: list[tuple[int, int, int, 
     memory, outcomes = make_memory(span_s=1e3, max_bytes=blocks * 2000)
     for source, seq, t_ns, data in given_frames:
         memory.add(source, [(seq, t_ns, data)])
-    held = taken(memory)
+    rows = taken(memory)
     assert memory.held_bytes == 0
     for source, outcome in enumerate(outcomes):
-        here = [f for f in held if f[0] == source]
+        here = [f for f in rows if f[0] == source]
         put = [f for f in given_frames if f[0] == source]
         assert outcome.not_triggered.frames + len(here) == len(put)
         assert outcome.not_triggered.bytes + sum(len(f[3]) for f in here) == sum(len(f[3]) for f in put)

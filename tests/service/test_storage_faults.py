@@ -177,17 +177,17 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 def make(quick: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
     """Makes a rig on as many media as are wanted; ends it."""
     media = Media(quick)
-    made: list[Rig] = []
+    rigs: list[Rig] = []
 
     def make_rig(places: int = 2, **options: Any) -> Rig:
-        folders = [tmp_path / f"{len(made)}_{place}" for place in ("main", "fallback")[:places]]
+        folders = [tmp_path / f"{len(rigs)}_{place}" for place in ("main", "fallback")[:places]]
         for folder in folders:
             folder.mkdir()
-        made.append(Rig(media, folders, **options))
-        return made[-1]
+        rigs.append(Rig(media, folders, **options))
+        return rigs[-1]
 
     yield make_rig
-    for rig in made:
+    for rig in rigs:
         rig.close()
 
 

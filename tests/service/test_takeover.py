@@ -84,11 +84,11 @@ class Rig:
 @pytest.fixture
 async def rig(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Rig]:
     spawned.clear()
-    made = Rig(monkeypatch)
-    yield made
-    made.child_monitor.drain_messages(made.child)
-    if made.child._waiting:
-        made.child._waiting.socket.close()
+    result = Rig(monkeypatch)
+    yield result
+    result.child_monitor.drain_messages(result.child)
+    if result.child._waiting:
+        result.child._waiting.socket.close()
     for _, theirs in spawned:
         theirs.close()
 

@@ -51,9 +51,9 @@ class Bench:
 
 @pytest.fixture
 def bench() -> Bench:
-    made = Bench()
-    made.run(1.0, moving=True)
-    return made
+    result = Bench()
+    result.run(1.0, moving=True)
+    return result
 
 
 def test_a_recorder_that_moves_is_left_alone(bench: Bench) -> None:

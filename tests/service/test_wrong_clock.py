@@ -100,9 +100,9 @@ class Daemon:
         with closing(Subscriber(self.run_dir / SOCKET_NAME, "test", receive)):
             end = time.monotonic() + DEADLINE_S
             while True:
-                found: dict[str, Any] = json.loads(payloads.get(timeout=end - time.monotonic()))
-                if wanted(found):
-                    return found
+                content: dict[str, Any] = json.loads(payloads.get(timeout=end - time.monotonic()))
+                if wanted(content):
+                    return content
 
 
 #: The clock of the daemon is set wrong, that of the kernel is not: its timestamps do not fit.

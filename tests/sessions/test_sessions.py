@@ -69,23 +69,23 @@ def test_it_gives_the_same_measurements_and_outputs_again(session: Path, tmp_pat
     assert count_outputs(new) == count_outputs(old)
 
 
-def count_outputs(found: Messages) -> dict[tuple[str, int], int]:
+def count_outputs(result: Messages) -> dict[tuple[str, int], int]:
     """How many outputs there are of each topic and time."""
-    return {key: len(rows) for key, rows in found.items() if rows and key[0].startswith("/nav/")}
+    return {key: len(rows) for key, rows in result.items() if rows and key[0].startswith("/nav/")}
 
 
 def messages(recording: Recording) -> Messages:
     """What the derived files hold, by topic and time [ns]."""
-    found: Messages = defaultdict(list)
+    result: Messages = defaultdict(list)
     for topic, t_ns, _, _, data in recording.messages():
-        found[topic, t_ns].append(json.loads(data))
-    return found
+        result[topic, t_ns].append(json.loads(data))
+    return result
 
 
 def difference(row: Any, others: list[Any], key: tuple[str, int]) -> str:
     """Where a message that is not there again differs from the first one of the same topic and time."""
-    found = "; ".join(unequal(row, others[0])) if others else "no message"
-    return f"{key[0]} at {key[1]}: {found}"
+    text = "; ".join(unequal(row, others[0])) if others else "no message"
+    return f"{key[0]} at {key[1]}: {text}"
 
 
 def unequal(one: Any, other: Any, where: str = "") -> Iterator[str]:

@@ -76,21 +76,21 @@ def test_a_late_alert_does_not_hold() -> None:
 @pytest.mark.parametrize("missed", [2, 20])
 def test_an_alert_that_never_comes_is_late(missed: int) -> None:
     """Of 20, one may be late; if only detected faults counted, a monitor that detects less would hold."""
-    found = by_id(clearance._judge_detection("along_60", [DETECTED] * (20 - missed) + [MISSED] * missed))
-    assert (found["along_60.time_p95"].value, found["along_60.time_p95"].holds) == (math.inf, False)
-    assert found["along_60.time_p50"].value == (0.5 if missed == 2 else math.inf)
-    assert found["along_60.misled"].value == missed / 20
+    results = by_id(clearance._judge_detection("along_60", [DETECTED] * (20 - missed) + [MISSED] * missed))
+    assert (results["along_60.time_p95"].value, results["along_60.time_p95"].holds) == (math.inf, False)
+    assert results["along_60.time_p50"].value == (0.5 if missed == 2 else math.inf)
+    assert results["along_60.misled"].value == missed / 20
 
 
 @pytest.mark.parametrize(("name", "has_time_everywhere"), [("lateral_100", False), ("height_10", True)])
 def test_a_time_across_the_track_is_promised_where_a_shift_is_observable(name: str, has_time_everywhere: bool) -> None:
     """Like detection; an error of the height is observable over any ground."""
     hidden = DETECTED._replace(observable=False, delay_s=9.0, warned_s=9.0)
-    found = by_id(clearance._judge_detection(name, [DETECTED] * 20 + [hidden] * 20))
-    names = {key for key, result in found.items() if ".time_p95" in key and result.target == "<= 7.7 s"}
+    results = by_id(clearance._judge_detection(name, [DETECTED] * 20 + [hidden] * 20))
+    names = {key for key, result in results.items() if ".time_p95" in key and result.target == "<= 7.7 s"}
     assert names == {f"{name}.time_p95" if has_time_everywhere else f"{name}.observable.time_p95"}
-    assert all(found[key].holds is not has_time_everywhere for key in names)
-    assert (found[f"{name}.misled"].value, found[f"{name}.not_observable.misled"].value) == (0.5, 1.0)
+    assert all(results[key].holds is not has_time_everywhere for key in names)
+    assert (results[f"{name}.misled"].value, results[f"{name}.not_observable.misled"].value) == (0.5, 1.0)
     late = by_id(
         clearance._judge_detection(name, [DETECTED._replace(delay_s=9.0)] * 20 + [hidden._replace(delay_s=0.5)] * 20)
     )
@@ -120,14 +120,14 @@ PROMISED = DETECTED._replace(is_promised=True)
 def test_detection_is_checked_where_it_is_claimed(
     name: str, approaches: list[FaultyApproach], value: float | None
 ) -> None:
-    found = by_id(clearance._judge_detection(name, approaches))
+    results = by_id(clearance._judge_detection(name, approaches))
     if value is None:
-        assert f"{name}.detected" not in found
+        assert f"{name}.detected" not in results
     else:
-        result = found[f"{name}.detected"]
+        result = results[f"{name}.detected"]
         assert (result.target, result.holds) == (">= 0.97", value >= 0.97)
         assert result.value == pytest.approx(value)
-    assert found[f"{name}.pd"].holds  # of all of them: reported
+    assert results[f"{name}.pd"].holds  # of all of them: reported
 
 
 def test_a_promise_is_that_of_the_reference_at_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,9 +146,9 @@ def test_a_promise_is_that_of_the_reference_at_the_place(monkeypatch: pytest.Mon
 
 def test_an_error_below_its_alert_limit_has_a_time_from_its_size_only() -> None:
     below = DETECTED._replace(over=False, delay_s=math.nan, size_s=13.0)
-    found = by_id(clearance._judge_detection("lateral_50", [below] * 4))
-    assert (found["lateral_50.over"].value, found["lateral_50.size_p95"].value) == (0, 13.0)
-    assert "lateral_50.time_p95" not in found
+    results = by_id(clearance._judge_detection("lateral_50", [below] * 4))
+    assert (results["lateral_50.over"].value, results["lateral_50.size_p95"].value) == (0, 13.0)
+    assert "lateral_50.time_p95" not in results
     mixed = by_id(clearance._judge_detection("height_10", [below, below, DETECTED, DETECTED]))
     assert (mixed["height_10.over"].value, mixed["height_10.time_p95"].value) == (2, 0.5)
 
@@ -159,10 +159,10 @@ def test_times_and_detection_are_split_by_what_is_observable() -> None:
         + [MISSED._replace(observable=False)] * 2
         + [DETECTED._replace(observable=False, delay_s=3.0)] * 2
     )
-    found = by_id(clearance._judge_detection("along_60", approaches))
+    results = by_id(clearance._judge_detection("along_60", approaches))
     parts = ("", ".observable", ".not_observable")
-    assert [found[f"along_60{part}.pd"].value for part in parts] == [0.8, 1.0, 0.5]
-    assert [found[f"along_60{part}.time_p50"].value for part in parts] == [0.5, 0.5, 3.0]
+    assert [results[f"along_60{part}.pd"].value for part in parts] == [0.8, 1.0, 0.5]
+    assert [results[f"along_60{part}.time_p50"].value for part in parts] == [0.5, 0.5, 3.0]
 
 
 def test_who_is_trusted_over_the_limit_for_longer_than_it_takes_is_misled() -> None:
@@ -225,22 +225,27 @@ def test_times_begin_where_the_fault_is_over_its_limit_and_not_where_it_begins(m
         lambda *arguments: (*FAULTS["along_60"].change(flight, 3000.0, 1.0), 3000.0),
     )
     monkeypatch.setattr(_clearance_faults, "run_monitor", lambda *arguments: outputs)
-    found = fly_faulty(("along_60", 1, 1))
-    assert (found.detected, found.over, found.observable) == (True, True, True)
-    assert found.delay_s == pytest.approx(23.0 - (4190.0 - 3050.0) / 60.0)
-    assert found.size_s == pytest.approx(23.0 - (4190.0 - 3000.0) / 60.0, abs=0.02)
-    assert found.warned_s == pytest.approx(21.0 - (4190.0 - 3050.0) / 60.0)
+    faulty_approach = fly_faulty(("along_60", 1, 1))
+    assert (faulty_approach.detected, faulty_approach.over, faulty_approach.observable) == (True, True, True)
+    assert faulty_approach.delay_s == pytest.approx(23.0 - (4190.0 - 3050.0) / 60.0)
+    assert faulty_approach.size_s == pytest.approx(23.0 - (4190.0 - 3000.0) / 60.0, abs=0.02)
+    assert faulty_approach.warned_s == pytest.approx(21.0 - (4190.0 - 3050.0) / 60.0)
     monkeypatch.setattr(
         _clearance_faults, "fly_with_fault", lambda *arguments: (flight, np.full_like(flight.s, 0.9), 3000.0)
     )
-    found = fly_faulty(("along_60", 1, 1))
-    assert (found.detected, found.over, math.isnan(found.delay_s), math.isnan(found.warned_s)) == (
+    faulty_approach = fly_faulty(("along_60", 1, 1))
+    assert (
+        faulty_approach.detected,
+        faulty_approach.over,
+        math.isnan(faulty_approach.delay_s),
+        math.isnan(faulty_approach.warned_s),
+    ) == (
         True,
         False,
         True,
         True,
     )
-    assert not found.trusted_again
+    assert not faulty_approach.trusted_again
 
 
 @pytest.mark.parametrize(("trusted", "trusted_again"), [((), False), ((22,), False), ((22, 24), True)])
@@ -260,9 +265,11 @@ def test_an_alert_that_ends_before_the_error_does_is_reported(
         _clearance_faults, "fly_with_fault", lambda *arguments: (flight, np.full_like(flight.s, 1.1), 3000.0)
     )
     monkeypatch.setattr(_clearance_faults, "run_monitor", lambda *arguments: outputs)
-    found = fly_faulty(("along_60", 1, 1))
-    assert found.trusted_again is trusted_again
-    results = by_id(clearance._judge_detection("along_60", [found, found._replace(trusted_again=False)]))
+    faulty_approach = fly_faulty(("along_60", 1, 1))
+    assert faulty_approach.trusted_again is trusted_again
+    results = by_id(
+        clearance._judge_detection("along_60", [faulty_approach, faulty_approach._replace(trusted_again=False)])
+    )
     assert results["along_60.again"].value == trusted_again / 2
 
 
@@ -306,8 +313,8 @@ def test_a_late_join_counts_the_outputs_until_it_was_trusted(
     states: dict[float, str], expected: tuple[bool, bool, float]
 ) -> None:
     """The track is joined 2490.8 m before the intercept point, which lies 290.8 m behind the threshold."""
-    found = _clearance.judge_late_join([output_at(s, IntegrityState(state)) for s, state in states.items()])
-    assert found == pytest.approx(LateJoin(*expected), abs=0.1, nan_ok=True)
+    late_join = _clearance.judge_late_join([output_at(s, IntegrityState(state)) for s, state in states.items()])
+    assert late_join == pytest.approx(LateJoin(*expected), abs=0.1, nan_ok=True)
 
 
 def output_at(s: float, state: IntegrityState) -> ClearanceIntegrity:

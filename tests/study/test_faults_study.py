@@ -82,10 +82,10 @@ def test_a_sample_of_flights_keeps_every_promise(found: TaskOutcome) -> None:
 
 def test_levels_cover_a_ramp_until_the_tests_of_its_receiver_find_it() -> None:
     """0.5 m/s without velocity, in turns: detected after a minute; filter copies must stay correct until then."""
-    found = fly(
+    outcome = fly(
         FlightTask(17, 7, AircraftGroup("tactical", 1, "turns"), (BY_NAME["tactical/ramp-0.5/1-of-1/turns"],), 420.0)
     )
-    (struck,) = found.faults
+    (struck,) = outcome.faults
     assert struck.refused_s is not None and struck.refused_s > 30.0
     assert (struck.misled, struck.hazardous) == (0, 0), struck.worst
 
@@ -201,8 +201,8 @@ def nominal(
     )  # fmt: skip
 
 
-def refused(found: list[TaskOutcome]) -> set[str]:
-    return {result.id for result in judge(found, np.random.default_rng(2)) if not result.holds}
+def refused(outcomes: list[TaskOutcome]) -> set[str]:
+    return {result.id for result in judge(outcomes, np.random.default_rng(2)) if not result.holds}
 
 
 def test_the_judges_say_no_to_each_broken_promise() -> None:
@@ -233,9 +233,9 @@ def test_one_bad_cell_and_a_bad_pool_are_distinguished() -> None:
 
 def test_cells_outside_the_table_are_only_reported() -> None:
     name = "tactical/ramp-velocity-0.1/1-of-1/legs"
-    found = [TaskOutcome(nominal(k), (struck(k, misled=300, hazardous=300, name=name),)) for k in range(300)]
-    assert refused(found) == set()
-    results: dict[str, StudyResult] = {result.id: result for result in judge(found, np.random.default_rng(1))}
+    outcomes = [TaskOutcome(nominal(k), (struck(k, misled=300, hazardous=300, name=name),)) for k in range(300)]
+    assert refused(outcomes) == set()
+    results: dict[str, StudyResult] = {result.id: result for result in judge(outcomes, np.random.default_rng(1))}
     assert results["cell.tactical/ramp-velocity-0.1/1-of-1"].value == 1.0
     assert "not in the table" in results["cell.tactical/ramp-velocity-0.1/1-of-1"].quantity
 

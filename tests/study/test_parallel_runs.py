@@ -36,10 +36,10 @@ def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_results_come_in_the_order_of_the_arguments_from_other_processes() -> None:
     shares: list[float] = []
     before = dict(os.environ)
-    found = run_all(square, range(6), shares.append)
-    assert [value for value, _, _ in found] == [0, 1, 4, 9, 16, 25]
-    assert {pid for _, pid, _ in found} - {os.getpid()}, "all was done here"
-    assert {threads for _, pid, threads in found if pid != os.getpid()} == {"1"}
+    outputs = run_all(square, range(6), shares.append)
+    assert [value for value, _, _ in outputs] == [0, 1, 4, 9, 16, 25]
+    assert {pid for _, pid, _ in outputs} - {os.getpid()}, "all was done here"
+    assert {threads for _, pid, threads in outputs if pid != os.getpid()} == {"1"}
     assert shares == pytest.approx([k / 6 for k in range(1, 7)])
     assert dict(os.environ) == before
 

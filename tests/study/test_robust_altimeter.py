@@ -72,8 +72,13 @@ def test_both_filters_know_how_wrong_they_are() -> None:
 
 def test_a_filter_that_thinks_too_well_of_itself_is_found_out() -> None:
     truth = simulate(PHYSICAL, RUNS, np.random.default_rng(3), drawn=True, faulted=False)
-    found = estimate(PHYSICAL, truth.z, GATE)
-    vain = dataclasses.replace(found, sd=found.sd / 1.5, P=found.P / 1.5**2, innovation=1.5 * found.innovation)
+    channel_estimate = estimate(PHYSICAL, truth.z, GATE)
+    vain = dataclasses.replace(
+        channel_estimate,
+        sd=channel_estimate.sd / 1.5,
+        P=channel_estimate.P / 1.5**2,
+        innovation=1.5 * channel_estimate.innovation,
+    )
     results = study.judge_consistency("x", *study.scores(truth, vain), 1)
     assert {"x.least", "x.most", "x.nees", "x.nees_instants", "x.nis"} == {
         result.id for result in results if not result.holds

@@ -32,8 +32,8 @@ def test_five_calm_minutes_close_within_a_tenth_of_a_millimetre(minutes: Closure
 def test_half_a_step_of_coriolis_would_be_seen(minutes: Closure, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was wrong once: 4e-9 m/s^2 are 0.2 mm in five minutes, and 0.3 m in an hour."""
     monkeypatch.setattr(_closure, "specific_force_b", lambda state: specific_force_b(state) + 4e-9)
-    found = close(calm_flight(np.random.default_rng(4), 300.0), 0.01, 300.0, integrate_fast)
-    assert found.horizontal + found.vertical > minutes.horizontal + minutes.vertical + 1e-4
+    closure = close(calm_flight(np.random.default_rng(4), 300.0), 0.01, 300.0, integrate_fast)
+    assert closure.horizontal + closure.vertical > minutes.horizontal + minutes.vertical + 1e-4
 
 
 def test_the_judge_says_no(minutes: Closure) -> None:

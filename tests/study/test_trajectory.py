@@ -36,14 +36,14 @@ def test_ten_minutes_close_within_micrometres(ten_minutes: Closure) -> None:
 def test_data_that_are_wrong_by_a_billionth_do_not_close(wrong: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """A gravity difference between simulation and integration that causes half a millimetre at once."""
     monkeypatch.setattr(inertial, "normal_gravity", lambda lat, alt: wrong * normal_gravity(lat, alt))
-    found = close(random_flight(np.random.default_rng(4), TEN_MINUTES), 0.01, TEN_MINUTES)
-    assert found.vertical > 1e-3
+    closure = close(random_flight(np.random.default_rng(4), TEN_MINUTES), 0.01, TEN_MINUTES)
+    assert closure.vertical > 1e-3
 
 
 def test_who_flies_the_other_way_round_the_earth_does_not_close(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inertial, "transport_rate", lambda lat, alt, vel_n: np.zeros_like(vel_n))
-    found = close(random_flight(np.random.default_rng(4), 100.0), 0.01, 100.0)
-    assert not any(result.holds for result in judge_closures([found]) if result.id != "T12.vertical")
+    closure = close(random_flight(np.random.default_rng(4), 100.0), 0.01, 100.0)
+    assert not any(result.holds for result in judge_closures([closure]) if result.id != "T12.vertical")
 
 
 def test_the_error_after_s_turns_falls_with_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,11 +54,11 @@ def test_the_error_after_s_turns_falls_with_the_step(monkeypatch: pytest.MonkeyP
 
 
 def test_all_flights_count_for_fits() -> None:
-    found = fit_flight(5, 0)
-    results = {result.id: result for result in judge_fits([found])}
+    flight_fit = fit_flight(5, 0)
+    results = {result.id: result for result in judge_fits([flight_fit])}
     assert all(result.holds for result in results.values())
-    assert results["fit.spline_most"].value == found.spline_m.max()
-    worse = dataclasses.replace(found, spline_m=10.0 * found.spline_m, filter_m=10.0 * found.filter_m)
+    assert results["fit.spline_most"].value == flight_fit.spline_m.max()
+    worse = dataclasses.replace(flight_fit, spline_m=10.0 * flight_fit.spline_m, filter_m=10.0 * flight_fit.filter_m)
     refused = {result.id for result in judge_fits([worse]) if not result.holds}
     assert refused == {"fit.spline", "fit.filter"}
 

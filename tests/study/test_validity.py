@@ -92,9 +92,9 @@ def test_validity_sorts_the_mix(mix: Mix) -> None:
     """Laser: roll alone refuses 30 %, and the residual is small.  A sensor with a 30 m error is always refused."""
     reasons = reasons_by_variant(mix, Knowledge.ALL, SEED)
     for name in mix.measured:
-        found = score_variant(mix.measured[name] - mix.nadir, mix.measured[name] - mix.nadir, reasons[name])
-        assert found.residual < 0.5 * found.raw
-        assert found.excluded < 0.5
+        scores = score_variant(mix.measured[name] - mix.nadir, mix.measured[name] - mix.nadir, reasons[name])
+        assert scores.residual < 0.5 * scores.raw
+        assert scores.excluded < 0.5
     assert score_variant(mix.nadir, mix.nadir, reasons["laser"]).share(Reason.ROLL) == pytest.approx(0.3)
     off = dataclasses.replace(mix, measured={name: ranges + 30.0 for name, ranges in mix.measured.items()})
     for name, refused in reasons_by_variant(off, Knowledge.ALL, SEED).items():
@@ -118,16 +118,16 @@ def test_a_cloud_is_not_taken_for_the_ground(mix: Mix) -> None:
     assert min(np.count_nonzero(answered), np.count_nonzero(silent)) > 0
     assert all(Reason.DEVIATION in reasons[k] for k in np.flatnonzero(answered))
     assert all(reasons[k][0] == Reason.NO_RETURN for k in np.flatnonzero(silent))
-    found = score_variant(error, error, reasons)
-    assert found.raw > 50.0**2
-    assert found.residual < 0.2**2 * found.raw
+    scores = score_variant(error, error, reasons)
+    assert scores.raw > 50.0**2
+    assert scores.residual < 0.2**2 * scores.raw
 
 
 def test_held_against_the_simulation_alone_the_radar_keeps_its_error(mix: Mix) -> None:
     """Table 7.20 as printed: sensor and simulation have the same error."""
     reasons = reasons_by_variant(mix, Knowledge.ALL, SEED)["radar_as_printed"]
-    found = score_variant(mix.measured["radar"] - mix.nadir, mix.measured["radar"] - mix.nadir, reasons)
-    assert found.residual > 0.8 * found.raw
+    scores = score_variant(mix.measured["radar"] - mix.nadir, mix.measured["radar"] - mix.nadir, reasons)
+    assert scores.residual > 0.8 * scores.raw
 
 
 def _assessed(raw: float, residual: float, excluded: float) -> list[ValidityScore]:

@@ -46,8 +46,8 @@ def test_satellites_alone_are_not_the_altimeter(some: list[Heights]) -> None:
 def test_a_forgotten_geoid_is_found_out() -> None:
     """25 m: heights of the elevation model count from the sea."""
     epochs = Geometry().epochs()[::60]
-    found = [measure(epoch, 500, np.random.default_rng(k), undulation=0.0) for k, epoch in enumerate(epochs)]
-    refused = {result.id for result in wdop.judge(found) if not result.holds}
+    heights = [measure(epoch, 500, np.random.default_rng(k), undulation=0.0) for k, epoch in enumerate(epochs)]
+    refused = {result.id for result in wdop.judge(heights) if not result.holds}
     assert {"T28.altimeter.least", "T28.fused"} <= refused
 
 

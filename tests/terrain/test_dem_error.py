@@ -31,11 +31,11 @@ def assert_mean(per_survey: Array, expected: float) -> None:
 
 
 def test_bias_and_standard_deviation_come_back(scale: int) -> None:
-    found = errors(DemError(bias=1.5, noise_sd=2.0), SURVEYS * scale, 1)
-    assert_mean(found.mean(axis=(1, 2)), 1.5)
-    assert_mean(((found - 1.5) ** 2).mean(axis=(1, 2)), 4.0)
+    values = errors(DemError(bias=1.5, noise_sd=2.0), SURVEYS * scale, 1)
+    assert_mean(values.mean(axis=(1, 2)), 1.5)
+    assert_mean(((values - 1.5) ** 2).mean(axis=(1, 2)), 4.0)
     spread = 2.0 * np.sqrt(0.5 * 2 * np.pi * 300.0**2 / 1410.0**2)  # of a survey's mean, if its parts were far apart
-    assert found.mean(axis=(1, 2)).std() == pytest.approx(spread, rel=0.5)
+    assert values.mean(axis=(1, 2)).std() == pytest.approx(spread, rel=0.5)
 
 
 @pytest.mark.parametrize(("length", "lags"), [(30.0, (1, 3, 9)), (300.0, (3, 30, 60))])
@@ -60,18 +60,18 @@ def test_one_side_of_the_noise_does_not_know_the_other() -> None:
 
 
 def test_variance_is_split_as_stated(scale: int) -> None:
-    found = errors(DemError(noise_sd=1.0, short_share=0.8), SURVEYS * scale, 3)
+    values = errors(DemError(noise_sd=1.0, short_share=0.8), SURVEYS * scale, 3)
     for lag in (2, 10, 30):
         expected = 0.8 * np.exp(-lag * CELL / 30.0) + 0.2 * np.exp(-lag * CELL / 300.0)
-        assert_mean((found[:, :, lag:] * found[:, :, :-lag]).mean(axis=(1, 2)), expected)
+        assert_mean((values[:, :, lag:] * values[:, :, :-lag]).mean(axis=(1, 2)), expected)
 
 
 def test_share_and_size_of_outliers_come_back() -> None:
-    found = errors(DemError(outlier_share=0.01, outlier_sd=20.0), 8, 4)
-    count, posts = np.count_nonzero(found), found.size
+    values = errors(DemError(outlier_share=0.01, outlier_sd=20.0), 8, 4)
+    count, posts = np.count_nonzero(values), values.size
     assert count == pytest.approx(0.01 * posts, abs=3.3 * np.sqrt(0.01 * 0.99 * posts))  # binomial, 0.1 %
-    assert found[found != 0.0].std() == pytest.approx(20.0, rel=3.3 / np.sqrt(2.0 * count))
-    assert_mean(np.count_nonzero(found, axis=(1, 2)) / found[0].size, 0.01)
+    assert values[values != 0.0].std() == pytest.approx(20.0, rel=3.3 / np.sqrt(2.0 * count))
+    assert_mean(np.count_nonzero(values, axis=(1, 2)) / values[0].size, 0.01)
 
 
 def relief(seed: int = 9, sd: float = 30.0) -> Terrain:

@@ -83,8 +83,8 @@ def test_2_60_divides_by_zero_on_a_plane_cell() -> None:
     posts = np.array([[10.0, 12.0], [11.0, 13.0]])
     ground, origin, ray = Terrain.from_array(posts, 1.0), np.array([0.1, 0.2, 15.0]), unit(0.3, 0.4, -3.0)
     assert printed_intersections(posts, origin, ray) == []
-    found = float(ground.cast(origin, ray, 100.0))
-    assert origin[2] + found * ray[2] == pytest.approx(10.0 + np.array([2.0, 1.0]) @ (origin + found * ray)[:2])
+    value = float(ground.cast(origin, ray, 100.0))
+    assert origin[2] + value * ray[2] == pytest.approx(10.0 + np.array([2.0, 1.0]) @ (origin + value * ray)[:2])
 
 
 def test_2_62_takes_the_ground_behind_a_ray_that_leads_away() -> None:

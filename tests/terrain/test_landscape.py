@@ -24,10 +24,10 @@ def test_a_laser_returns_from_the_top_first_and_from_the_ground_last() -> None:
 
 
 def test_a_radar_returns_from_its_share_of_the_canopy_and_from_roofs() -> None:
-    found = heights_by_cover(SensedSurface.RADAR)
+    values = heights_by_cover(SensedSurface.RADAR)
     for cover in (Cover.GRASS, Cover.CROP, Cover.FOREST):
-        assert 3.0 <= found[cover] <= 9.0
-    assert found[Cover.BUILDING] == 10.0
+        assert 3.0 <= values[cover] <= 9.0
+    assert values[Cover.BUILDING] == 10.0
     sparse = LANDSCAPE.surface_for(SensedSurface.RADAR, {Cover.FOREST: 0.3})
     assert sparse.finest.heights[1, Cover.FOREST] == 103.0 and sparse.finest.heights[1, Cover.BUILDING] == 110.0
 

@@ -68,18 +68,18 @@ def incidence(ground: Terrain, point: Array, direction: Array) -> float:
 def check_ray(ground: Terrain, origin: Array, direction: Array, max_range: float = 400.0) -> float:
     """The ray agrees with brute force and ends on the surface; returns its range."""
     direction = direction / np.linalg.norm(direction)
-    found = float(ground.cast(origin, direction, max_range))
+    value = float(ground.cast(origin, direction, max_range))
     expected = brute_force(ground, origin, direction, max_range)
-    assert np.isnan(found) == (expected == np.inf), (found, expected)
-    if not np.isnan(found):
-        point = origin + found * direction
+    assert np.isnan(value) == (expected == np.inf), (value, expected)
+    if not np.isnan(value):
+        point = origin + value * direction
         size = np.array(ground.finest.heights.shape[::-1]) - 1
         inside = np.clip(point[:2], 0, ground.finest.cell_m * size)
         assert np.abs(inside - point[:2]).max() < 1e-9
         assert abs(point[2] - ground.up(*inside)) <= 1e-9
         grazing = incidence(ground, np.append(inside, 0), direction)
-        assert abs(found - expected) <= max(1e-8, 1e-11 / max(grazing, 1e-9))
-    return found
+        assert abs(value - expected) <= max(1e-8, 1e-11 / max(grazing, 1e-9))
+    return value
 
 
 def random_ray(rng: np.random.Generator, ground: Terrain) -> tuple[Array, Array]:
@@ -111,10 +111,10 @@ def test_tilted_plane_has_the_closed_form() -> None:
     expected = (7.0 - origins @ normal) / (rays @ normal)
     point = origins + expected[:, None] * rays
     hit = (expected > 0) & (point[:, 0] > 0) & (point[:, 0] < 295) & (point[:, 1] > 0) & (point[:, 1] < 195)
-    found = ground.cast(origins, rays, 1e4)
+    values = ground.cast(origins, rays, 1e4)
     assert hit.sum() > 300
-    assert np.abs(found[hit] / expected[hit] - 1).max() < 1e-12
-    assert np.isnan(found[~hit]).all()
+    assert np.abs(values[hit] / expected[hit] - 1).max() < 1e-12
+    assert np.isnan(values[~hit]).all()
 
 
 @settings(max_examples=150)
@@ -134,12 +134,12 @@ def test_rays_along_edges_and_through_posts(
     direction = np.array(ray, dtype=float)
     origin = np.array([x, y, z])
     unit = direction / np.linalg.norm(direction)
-    found = float(np.nan_to_num(ground.cast(origin, unit, 50.0), nan=np.inf))
+    value = float(np.nan_to_num(ground.cast(origin, unit, 50.0), nan=np.inf))
     # a ray that only touches is a hit or a miss by rounding; a ray 1 nm lower hits sooner, one 1 nm higher later
     sooner, later = (brute_force(ground, origin + np.array([0, 0, dz]), unit, 50.0) for dz in (-1e-9, 1e-9))
-    assert sooner - 1e-12 <= found <= later + 1e-12
-    if found < np.inf:
-        point = origin + found * unit
+    assert sooner - 1e-12 <= value <= later + 1e-12
+    if value < np.inf:
+        point = origin + value * unit
         assert abs(point[2] - ground.up(*np.clip(point[:2], 0, [6, 4]))) < 1e-9
 
 
@@ -159,10 +159,10 @@ def test_grazing_ray_touches_a_ridge_or_passes_it() -> None:
     ground = terrain(heights)
     for margin, hit in ((-1e-6, True), (1e-6, False)):
         origin = np.array([3.0, 17.0, 10.0 + margin])
-        found = float(ground.cast(origin, np.array([1.0, 0.0, 0.0]), 500.0))
-        assert np.isnan(found) != hit
+        value = float(ground.cast(origin, np.array([1.0, 0.0, 0.0]), 500.0))
+        assert np.isnan(value) != hit
         if hit:
-            assert found == pytest.approx(97.0 - 5.0 * 1e-7, abs=1e-9)
+            assert value == pytest.approx(97.0 - 5.0 * 1e-7, abs=1e-9)
 
 
 def test_origin_on_the_surface_is_a_range_of_zero_and_under_it_none() -> None:

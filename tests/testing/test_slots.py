@@ -45,8 +45,8 @@ def test_who_is_one_too_many_waits_until_another_has_ended(tmp_path: Path) -> No
 
 
 def _locks(pid: int) -> list[str]:
-    found = [str(file.readlink()) for file in Path(f"/proc/{pid}/fd").iterdir() if file.is_symlink()]
-    return [name for name in found if name.endswith(".lock")]
+    texts = [str(file.readlink()) for file in Path(f"/proc/{pid}/fd").iterdir() if file.is_symlink()]
+    return [name for name in texts if name.endswith(".lock")]
 
 
 def test_slots_are_free_after_use(tmp_path: Path) -> None:

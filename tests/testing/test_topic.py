@@ -59,18 +59,18 @@ def right(t: float) -> dict[str, Any]:
 
 
 def test_rate() -> None:
-    found = topic(right, ten_hz())
-    found.assert_rate(9.9, 10.1)
-    message = failure(found.assert_rate, 10.5)
+    result = topic(right, ten_hz())
+    result.assert_rate(9.9, 10.1)
+    message = failure(result.assert_rate, 10.5)
     assert "/unit/position, 0 to 20 s: rate 10.00 Hz (200 messages); limit at least 10.5 Hz" in message
     assert "session: /tmp/session" in message
-    assert "limit at least 1 Hz, at most 9 Hz" in failure(found.assert_rate, 1.0, 9.0)
+    assert "limit at least 1 Hz, at most 9 Hz" in failure(result.assert_rate, 1.0, 9.0)
 
 
 def test_a_topic_that_ends_early_has_neither_its_rate_nor_its_gap() -> None:
-    found = topic(right, ten_hz(5.0))
-    assert "rate 2.50 Hz" in failure(found.assert_rate, 9.0)
-    assert "longest gap 15.100 s, from 4.90 s on; limit 1 s" in failure(found.assert_longest_gap, 1.0)
+    result = topic(right, ten_hz(5.0))
+    assert "rate 2.50 Hz" in failure(result.assert_rate, 9.0)
+    assert "longest gap 15.100 s, from 4.90 s on; limit 1 s" in failure(result.assert_longest_gap, 1.0)
     topic(right, ten_hz(5.0), (1.0, 4.9)).assert_longest_gap(0.11)
 
 
@@ -81,31 +81,31 @@ def test_a_topic_that_begins_late_has_a_gap() -> None:
 
 
 def test_a_topic_without_a_message_in_the_interval_fails_everything() -> None:
-    found = topic(right, ten_hz(2.0), (5.0, 9.0))
-    assert "rate 0.00 Hz" in failure(found.assert_rate, 1.0)
-    for call in (lambda: found.assert_valid_share(0.0), lambda: found.assert_error("alt", 1e9)):
+    result = topic(right, ten_hz(2.0), (5.0, 9.0))
+    assert "rate 0.00 Hz" in failure(result.assert_rate, 1.0)
+    for call in (lambda: result.assert_valid_share(0.0), lambda: result.assert_error("alt", 1e9)):
         assert "no message" in failure(call)
-    assert "no message" in failure(found.assert_no_flag, "x")
+    assert "no message" in failure(result.assert_no_flag, "x")
 
 
 # --------------------------------------------------------------------------------------------------------- values
 
 
 def test_valid_share() -> None:
-    found = topic(lambda t: {"valid": t < 15.0}, ten_hz())
-    found.assert_valid_share(0.75)
-    assert "75.0% of 200 messages are valid; limit at least 80.0%" in failure(found.assert_valid_share, 0.8)
-    assert "first invalid message at 15.00 s" in failure(found.assert_valid_share, 0.8)
+    result = topic(lambda t: {"valid": t < 15.0}, ten_hz())
+    result.assert_valid_share(0.75)
+    assert "75.0% of 200 messages are valid; limit at least 80.0%" in failure(result.assert_valid_share, 0.8)
+    assert "first invalid message at 15.00 s" in failure(result.assert_valid_share, 0.8)
 
 
 def test_error_names_the_worst() -> None:
-    found = topic(lambda t: {"alt": 100.0 + 2.0 * t + (7.0 if t == 12.0 else 0.5)}, ten_hz())
-    found.assert_error("alt", 7.001)
-    message = failure(found.assert_error, "alt", 1.0)
+    result = topic(lambda t: {"alt": 100.0 + 2.0 * t + (7.0 if t == 12.0 else 0.5)}, ten_hz())
+    result.assert_error("alt", 7.001)
+    message = failure(result.assert_error, "alt", 1.0)
     assert "alt: error +7 m at 12.00 s (131, truth 124); limit +-1 m" in message
     assert "1 of 200 valid messages are beyond" in message
-    found.assert_error("alt", 1.0, share=0.995)
-    assert "limit +-1 m for 99.9% of the messages" in failure(found.assert_error, "alt", 1.0, share=0.999)
+    result.assert_error("alt", 1.0, share=0.995)
+    assert "limit +-1 m for 99.9% of the messages" in failure(result.assert_error, "alt", 1.0, share=0.999)
 
 
 def test_the_truth_is_taken_at_the_time_of_validity() -> None:
@@ -120,27 +120,27 @@ def test_the_truth_is_taken_at_the_time_of_validity() -> None:
 
 
 def test_a_heading_is_compared_around_the_circle() -> None:
-    found = topic(lambda t: {"heading": (6.0 + 0.5 * t + 0.01) % (2 * math.pi)}, ten_hz(), name="/unit/attitude")
-    found.assert_error("heading", 0.0101)
-    assert "error +0.01 rad" in failure(found.assert_error, "heading", 0.0099)
+    result = topic(lambda t: {"heading": (6.0 + 0.5 * t + 0.01) % (2 * math.pi)}, ten_hz(), name="/unit/attitude")
+    result.assert_error("heading", 0.0101)
+    assert "error +0.01 rad" in failure(result.assert_error, "heading", 0.0099)
 
 
 @pytest.mark.parametrize(("quantity", "metres"), [("lat", 6_383_454.0 * 1e-6), ("lon", 6_394_209.0 * 0.5 * 1e-6)])
 def test_a_place_is_compared_in_metres_along_the_ground(quantity: str, metres: float) -> None:
     """A microradian at 60 degrees north: radii of curvature of WGS84 by hand, 6383454 m and 6394209 m."""
     place: dict[str, Callable[[float], float]] = {"lat": lambda t: LAT, "lon": lambda t: 0.001 * t}
-    found = topic(lambda t: {quantity: place[quantity](t) + 1e-6}, ten_hz())
-    found.assert_error(quantity, metres * 1.001)
-    assert " m at " in failure(found.assert_error, quantity, metres * 0.999)
+    result = topic(lambda t: {quantity: place[quantity](t) + 1e-6}, ten_hz())
+    result.assert_error(quantity, metres * 1.001)
+    assert " m at " in failure(result.assert_error, quantity, metres * 0.999)
 
 
 def test_velocities_have_their_own_names_in_the_truth() -> None:
     columns = {"vel_down": np.array([1.0, 1.0])}
     table = TruthTable(np.array([BEGIN_NS, BEGIN_NS + 10 * SECOND_NS]), columns)
     series = TopicSeries("/unit/velocity", np.array([BEGIN_NS + SECOND_NS]), [{"down": 1.5}])
-    found = Topic(series, FlightContext(table, (), ""), (0.0, 10.0), {})
-    found.assert_error("down", 0.6)
-    assert "down: error +0.5 m/s" in failure(found.assert_error, "down", 0.4)
+    result = Topic(series, FlightContext(table, (), ""), (0.0, 10.0), {})
+    result.assert_error("down", 0.6)
+    assert "down: error +0.5 m/s" in failure(result.assert_error, "down", 0.4)
 
 
 def test_what_is_not_valid_is_not_compared_and_nothing_at_all_is_a_failure() -> None:
@@ -151,40 +151,40 @@ def test_what_is_not_valid_is_not_compared_and_nothing_at_all_is_a_failure() -> 
 
 
 def test_a_number_that_is_none_is_no_success() -> None:
-    found = topic(lambda t: {"alt": math.nan}, ten_hz())
-    assert "nothing to compare" in failure(found.assert_error, "alt", 1.0)
+    result = topic(lambda t: {"alt": math.nan}, ten_hz())
+    assert "nothing to compare" in failure(result.assert_error, "alt", 1.0)
 
 
 def test_a_wrong_name_is_reported_with_those_that_there_are() -> None:
-    found = topic(lambda t: {"alt": 1.0, "msl": 2.0, "stamp": {}}, ten_hz())
-    assert "no message has a field 'altitude'; fields: alt, msl" in failure(found.assert_error, "altitude", 1.0)
+    result = topic(lambda t: {"alt": 1.0, "msl": 2.0, "stamp": {}}, ten_hz())
+    assert "no message has a field 'altitude'; fields: alt, msl" in failure(result.assert_error, "altitude", 1.0)
     assert "has no 'msl'; select a quantity with truth=: alt, heading, lat, lon" in failure(
-        found.assert_error, "msl", 1.0
+        result.assert_error, "msl", 1.0
     )
 
 
 def test_error_within_the_stated_sigma() -> None:
-    found = topic(lambda t: {"alt": 100.0 + 2.0 * t + 2.0, "vertical_sd": 1.0 if t < 10.0 else 0.5}, ten_hz())
-    found.assert_error_within_sigma("alt", "vertical_sd", k=4.01)
-    message = failure(found.assert_error_within_sigma, "alt", "vertical_sd")
+    result = topic(lambda t: {"alt": 100.0 + 2.0 * t + 2.0, "vertical_sd": 1.0 if t < 10.0 else 0.5}, ten_hz())
+    result.assert_error_within_sigma("alt", "vertical_sd", k=4.01)
+    message = failure(result.assert_error_within_sigma, "alt", "vertical_sd")
     assert "limit +-3 vertical_sd = 1.5 m; " in message
     assert "100 of 200 valid messages are beyond" in message
 
 
 @pytest.mark.parametrize("sd", [None, 0.0, -1.0, math.nan])
 def test_without_a_sigma_nothing_fits_it(sd: float | None) -> None:
-    found = topic(lambda t: right(t) | {"vertical_sd": sd if t >= 3.0 else 1.0}, ten_hz())
+    result = topic(lambda t: right(t) | {"vertical_sd": sd if t >= 3.0 else 1.0}, ten_hz())
     assert "170 messages state no vertical_sd, the first at 3.00 s" in failure(
-        found.assert_error_within_sigma, "alt", "vertical_sd"
+        result.assert_error_within_sigma, "alt", "vertical_sd"
     )
 
 
 def test_messages_are_chosen_by_their_fields() -> None:
-    found = topic(
+    result = topic(
         lambda t: {"name": "a" if round(t * 10) % 2 else "b", "value": 1.0}, ten_hz(), name="/x/y", where={"name": "a"}
     )
-    assert len(found) == 100
-    assert "/x/y [name = a], 0 to 20 s: rate 5.00 Hz" in failure(found.assert_rate, 6.0)
+    assert len(result) == 100
+    assert "/x/y [name = a], 0 to 20 s: rate 5.00 Hz" in failure(result.assert_rate, 6.0)
 
 
 # ---------------------------------------------------------------------------------------------------------- flags
@@ -213,15 +213,15 @@ def test_a_flag_in_time() -> None:
     ],
 )
 def test_a_flag_at_the_wrong_time(spans: list[tuple[float, float]], message: str) -> None:
-    found = failure(flagged(*spans).assert_flag, "low", fault=0, raised_within_s=0.6, cleared_within_s=0.6)
-    assert f"flag 'low': {message}" in found
+    text = failure(flagged(*spans).assert_flag, "low", fault=0, raised_within_s=0.6, cleared_within_s=0.6)
+    assert f"flag 'low': {message}" in text
 
 
 def test_a_condition_is_a_flag_too() -> None:
-    found = topic(lambda t: {"valid": not 5.5 <= t < 10.5}, ten_hz())
-    found.assert_flag(lambda row: not row["valid"], fault=0, raised_within_s=0.6, cleared_within_s=0.6)
+    result = topic(lambda t: {"valid": not 5.5 <= t < 10.5}, ten_hz())
+    result.assert_flag(lambda row: not row["valid"], fault=0, raised_within_s=0.6, cleared_within_s=0.6)
     assert "flag of the given condition: raised at 5.50 s; limit never" in failure(
-        found.assert_no_flag, lambda row: not row["valid"]
+        result.assert_no_flag, lambda row: not row["valid"]
     )
 
 

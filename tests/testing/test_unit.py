@@ -27,15 +27,15 @@ def python(code: str) -> str:
 
 def test_its_output_is_in_the_report_of_a_failure(pytester: pytest.Pytester) -> None:
     code = "import sys, time; print('up and running'); print('a doubt', file=sys.stderr); time.sleep(600)"
-    found = run(pytester, f"fti_unit.start({python(code)}, ready_text='a doubt')\nassert 1 == 2")
-    found.assert_outcomes(failed=1)
-    found.stdout.fnmatch_lines(["*- unit under test, python* -*", "*stdout, the last 1 of 1 lines", "up and running"])
-    found.stdout.fnmatch_lines(["*stderr, the last 1 of 1 lines", "a doubt"])
+    result = run(pytester, f"fti_unit.start({python(code)}, ready_text='a doubt')\nassert 1 == 2")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*- unit under test, python* -*", "*stdout, the last 1 of 1 lines", "up and running"])
+    result.stdout.fnmatch_lines(["*stderr, the last 1 of 1 lines", "a doubt"])
 
 
 def test_a_test_that_passes_shows_nothing_and_leaves_no_process(pytester: pytest.Pytester) -> None:
     code = "import os, time; print('pid', os.getpid()); time.sleep(600)"
-    found = run(
+    result = run(
         pytester,
         f"""
         program = fti_unit.start({python(code)}, ready_text="pid")
@@ -43,17 +43,17 @@ def test_a_test_that_passes_shows_nothing_and_leaves_no_process(pytester: pytest
         open("pid.txt", "w").write(str(program.pid))
         """,
     )
-    found.assert_outcomes(passed=1)
-    assert "unit under test" not in found.stdout.str()
+    result.assert_outcomes(passed=1)
+    assert "unit under test" not in result.stdout.str()
     pid = int((pytester.path / "pid.txt").read_text())
     until(lambda: not Path(f"/proc/{pid}").exists(), what="its end")
 
 
 def test_one_that_ends_early_fails_the_test_with_its_last_lines(pytester: pytest.Pytester) -> None:
     code = "print('no such port: 14550'); raise SystemExit(3)"
-    found = run(pytester, f"fti_unit.start({python(code)}, ready_text='ready')")
-    found.assert_outcomes(failed=1)
-    found.stdout.fnmatch_lines(
+    result = run(pytester, f"fti_unit.start({python(code)}, ready_text='ready')")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
         [
             "*BenchError: unit under test, python* ended with exit code 3 before the flight was over",
             "*no such port: 14550",
@@ -63,27 +63,27 @@ def test_one_that_ends_early_fails_the_test_with_its_last_lines(pytester: pytest
 
 def test_one_that_ends_early_is_seen_while_something_else_is_waited_for(pytester: pytest.Pytester) -> None:
     code = "import time; print('ready'); time.sleep(0.3); raise SystemExit(4)"
-    found = run(
+    result = run(
         pytester,
         f"""
         fti_unit.start({python(code)}, ready_text='ready')
         fti_unit.start({python(SLEEP)}, ready_text='never')
         """,
     )
-    found.assert_outcomes(failed=1)
-    found.stdout.fnmatch_lines(["*ended with exit code 4 before the flight was over"])
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*ended with exit code 4 before the flight was over"])
 
 
 def test_one_that_is_never_ready(pytester: pytest.Pytester) -> None:
-    found = run(pytester, f"fti_unit.start({python(SLEEP)}, ready_text='ready', ready_within_s=0.3)")
-    found.assert_outcomes(failed=1)
-    found.stdout.fnmatch_lines(["*BenchError: waited 0.3 s for text 'ready' of unit under test, python*"])
+    result = run(pytester, f"fti_unit.start({python(SLEEP)}, ready_text='ready', ready_within_s=0.3)")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*BenchError: waited 0.3 s for text 'ready' of unit under test, python*"])
 
 
 def test_one_that_never_opens_its_port(pytester: pytest.Pytester) -> None:
-    found = run(pytester, f"fti_unit.start({python(SLEEP)}, ready_udp_port='14999', ready_within_s=0.3)")
-    found.assert_outcomes(failed=1)
-    found.stdout.fnmatch_lines(["*BenchError: waited 0.3 s for UDP port 14999 of unit under test, python*"])
+    result = run(pytester, f"fti_unit.start({python(SLEEP)}, ready_udp_port='14999', ready_within_s=0.3)")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*BenchError: waited 0.3 s for UDP port 14999 of unit under test, python*"])
 
 
 def test_one_that_opens_its_ports_is_ready(pytester: pytest.Pytester) -> None:
@@ -95,7 +95,7 @@ time.sleep(0.2)
 tcp = socket.create_server(("127.0.0.1", int(sys.argv[2])))
 time.sleep(600)
 """
-    found = run(
+    result = run(
         pytester,
         f"""
         from fti.testing.ports import free_udp_port, is_udp_port_bound
@@ -104,20 +104,20 @@ time.sleep(600)
         assert is_udp_port_bound(udp)
         """,
     )
-    found.assert_outcomes(passed=1)
+    result.assert_outcomes(passed=1)
 
 
 def test_one_that_does_not_end_is_killed_and_that_is_reported(pytester: pytest.Pytester) -> None:
     code = "import signal, time; signal.signal(15, signal.SIG_IGN); print('ready'); time.sleep(600)"
-    found = run(
+    result = run(
         pytester,
         f"""
         program = fti_unit.start({python(code)}, ready_text='ready', end_within_s=0.2)
         request.addfinalizer(lambda: open("pid.txt", "w").write(str(program.pid)))
         """,
     )
-    found.assert_outcomes(passed=1, warnings=1)
-    found.stdout.fnmatch_lines(
+    result.assert_outcomes(passed=1, warnings=1)
+    result.stdout.fnmatch_lines(
         ["*UnitKilledWarning: unit under test, python* did not end within 0.2 s of SIGTERM; killed"]
     )
     assert not Path(f"/proc/{int((pytester.path / 'pid.txt').read_text())}").exists()
@@ -133,7 +133,7 @@ try:
 except KeyboardInterrupt:
     print("interrupted")
 """
-    found = run(
+    result = run(
         pytester,
         f"""
         program = fti_unit.start({python(code)}, ready_text="child", end_signal=signal.SIGINT)
@@ -143,7 +143,7 @@ except KeyboardInterrupt:
         open("pid.txt", "w").write(program.output.split()[1])
         """,
     )
-    found.assert_outcomes(passed=1)
+    result.assert_outcomes(passed=1)
     pid = int((pytester.path / "pid.txt").read_text())
     until(lambda: "State:\tZ" in _status(pid) or not _status(pid), what="the end of its child")
 
@@ -157,7 +157,7 @@ def _status(pid: int) -> str:
 
 def test_arguments_and_environment_have_placeholders(pytester: pytest.Pytester) -> None:
     code = "import os, sys; print('told', sys.argv[1], os.environ['OUT']); import time; time.sleep(600)"
-    found = run(
+    result = run(
         pytester,
         f"""
         from fti.testing.ports import LinkAddress
@@ -169,12 +169,12 @@ def test_arguments_and_environment_have_placeholders(pytester: pytest.Pytester) 
         assert "told /tmp/links/gnss 127.0.0.1:4711" in program.output
         """,
     )
-    found.assert_outcomes(passed=1)
+    result.assert_outcomes(passed=1)
 
 
 @pytest.mark.parametrize("wrong", ["{emulator.gnsss.path}", "{emulator}{", "{0}", "{unit.gnss.path}", '{"json": 1}'])
 def test_a_wrong_placeholder_names_the_links(pytester: pytest.Pytester, wrong: str) -> None:
-    found = run(
+    result = run(
         pytester,
         f"""
         from fti.testing.ports import LinkAddress
@@ -182,14 +182,14 @@ def test_a_wrong_placeholder_names_the_links(pytester: pytest.Pytester, wrong: s
         fti_unit.start(["sleep", {wrong!r}])
         """,
     )
-    found.assert_outcomes(failed=1)
-    found.stdout.fnmatch_lines(["*invalid placeholder*; links: emulator.gnss, each*write a brace twice"])
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*invalid placeholder*; links: emulator.gnss, each*write a brace twice"])
 
 
 def test_a_program_that_there_is_not(pytester: pytest.Pytester) -> None:
-    found = run(pytester, 'fti_unit.start(["/no/such/program"])')
-    found.assert_outcomes(failed=1)
-    found.stdout.fnmatch_lines(
+    result = run(pytester, 'fti_unit.start(["/no/such/program"])')
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
         ["*BenchError: unit under test, program: /no/such/program: cannot be started: No such file*"]
     )
 
@@ -202,6 +202,6 @@ def test_folders_are_kept_where_it_is_requested(pytester: pytest.Pytester) -> No
 
 
 def test_how_many_flights_is_a_number(pytester: pytest.Pytester) -> None:
-    found = run(pytester, "pass", "--fti-flights", "0")
-    assert found.ret == pytest.ExitCode.USAGE_ERROR
-    found.stderr.fnmatch_lines(["*--fti-flights: invalid*"])
+    result = run(pytester, "pass", "--fti-flights", "0")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*--fti-flights: invalid*"])

@@ -27,10 +27,10 @@ def test_the_daemon_reports_what_the_scenario_expects(tmp_path: Path) -> None:
         if done.returncode == EXIT_NOT_INSTALLED:
             pytest.skip(done.stderr.strip())
         assert done.returncode == 0, done.stdout + done.stderr
-        found: dict[str, Any] = json.loads((folder / "found.json").read_text())
-        return found
+        content: dict[str, Any] = json.loads((folder / "found.json").read_text())
+        return content
 
-    found = run_undisturbed(fly, lambda found: bool(found["code"] == 0))
-    assert found["code"] == 0, found["said"]
-    assert "holds: " in found["said"]
-    assert all(count > 500 for count in found["frames"].values())
+    content = run_undisturbed(fly, lambda content: bool(content["code"] == 0))
+    assert content["code"] == 0, content["said"]
+    assert "holds: " in content["said"]
+    assert all(count > 500 for count in content["frames"].values())

@@ -27,10 +27,10 @@ def decoded(decoder: Decoder, received: dict[str, Any]) -> list[Measurement]:
 
 def test_pickups_and_air_data_share_a_socketcan_bus(received: dict[str, Any]) -> None:
     pickups = deflection_pickups.make_decoder(deflection_pickups.Options())
-    found = [m for m in decoded(pickups, received) if isinstance(m, SurfaceDeflection)]
-    assert len({m.surface for m in found}) == 10
-    assert len(found) == pytest.approx(10 * 10 * FLIGHT_S, abs=10)
-    assert all(m.valid and m.raw is not None for m in found)
+    measurements = [m for m in decoded(pickups, received) if isinstance(m, SurfaceDeflection)]
+    assert len({m.surface for m in measurements}) == 10
+    assert len(measurements) == pytest.approx(10 * 10 * FLIGHT_S, abs=10)
+    assert all(m.valid and m.raw is not None for m in measurements)
     assert not pickups.counters.lost
     air_data = canaerospace.make_decoder(canaerospace.Options(node=1))
     pressures = [m for m in decoded(air_data, received) if isinstance(m, StaticPressure)]
@@ -39,8 +39,10 @@ def test_pickups_and_air_data_share_a_socketcan_bus(received: dict[str, Any]) ->
 
 def test_the_node_has_answered_the_command(received: dict[str, Any]) -> None:
     calibration = "surface,raw,deg\nflaps,256,-1\nflaps,3840,43\n"
-    found = decoded(deflection_pickups.make_decoder(deflection_pickups.Options(calibration=calibration)), received)
-    (ack,) = [m for m in found if isinstance(m, Ack)]
+    measurements = decoded(
+        deflection_pickups.make_decoder(deflection_pickups.Options(calibration=calibration)), received
+    )
+    (ack,) = [m for m in measurements if isinstance(m, Ack)]
     assert (ack.command, ack.accepted, ack.detail) == ("insert_point", True, "flaps: raw 900 = 8.00 deg")
-    (answer,) = [m for m in found if isinstance(m, Calibration)]
+    (answer,) = [m for m in measurements if isinstance(m, Calibration)]
     assert [p.raw for p in answer.points] == [256, 900, 3840]

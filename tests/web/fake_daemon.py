@@ -471,8 +471,8 @@ class DisplayProcess:
     def read_message(self) -> dict[str, Any]:
         """Next message of the display to its supervisor; empty at its end."""
         with self.control.makefile() as lines:
-            found: dict[str, Any] = json.loads(lines.readline() or "{}")
-        return found
+            content: dict[str, Any] = json.loads(lines.readline() or "{}")
+        return content
 
     def send(self, message: dict[str, Any]) -> None:
         """Send it a message, as its supervisor does."""

@@ -32,17 +32,17 @@ ME = pwd.getpwuid(os.getuid()).pw_name
 
 @pytest.fixture
 def daemon() -> Iterator[FakeDaemon]:
-    made = FakeDaemon(lead_s=70.0)
-    yield made
-    made.close()
+    result = FakeDaemon(lead_s=70.0)
+    yield result
+    result.close()
 
 
 @pytest.fixture
 def display(daemon: FakeDaemon) -> Iterator[DisplayProcess]:
-    made = DisplayProcess(daemon)
+    result = DisplayProcess(daemon)
     daemon.start()
-    yield made
-    made.close()
+    yield result
+    result.close()
 
 
 @pytest.fixture

@@ -26,9 +26,9 @@ def test_values_are_thinned_and_keep_their_time() -> None:
     history = History()
     for i in range(101):
         history.update(HEIGHT, height_at(i * 0.04))
-    found = rows(history, f"{HEIGHT}:height_agl")
-    assert len(found) == 21
-    assert all(value is not None and abs(t - value) < 2e-9 for t, value in found)
+    results = rows(history, f"{HEIGHT}:height_agl")
+    assert len(results) == 21
+    assert all(value is not None and abs(t - value) < 2e-9 for t, value in results)
 
 
 def test_what_is_not_valid_is_a_gap_but_raw_stays() -> None:

@@ -28,13 +28,13 @@ def make_height(t_ns: int = 0, now_ns: int = 0, **changes: Any) -> dict[str, Any
 
 
 def as_received(output: Any, t_ns: int = 0, now_ns: int = 0) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(encode_with_age(asdict(output), t_ns, now_ns, MAX_AGE_MS))
-    return found
+    content: dict[str, Any] = json.loads(encode_with_age(asdict(output), t_ns, now_ns, MAX_AGE_MS))
+    return content
 
 
 def shown(live: LiveState, now_ns: int, topic: str = TOPIC) -> dict[str, Any]:
-    found: dict[str, Any] = live.state(now_ns)["outputs"][topic]
-    return found
+    content: dict[str, Any] = live.state(now_ns)["outputs"][topic]
+    return content
 
 
 def alarm_ids(live: LiveState, now_ns: int) -> list[str]:

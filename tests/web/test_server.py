@@ -56,10 +56,10 @@ class Site:
 @pytest.fixture
 async def site() -> AsyncIterator[Site]:
     async with aiohttp.ClientSession() as client:
-        made = Site(client)
-        made.port = await made.server.start(0)
-        yield made
-        await made.server.stop()
+        result = Site(client)
+        result.port = await result.server.start(0)
+        yield result
+        await result.server.stop()
 
 
 async def test_every_part_of_the_page_is_served_with_the_policy(site: Site) -> None:
@@ -141,13 +141,13 @@ async def answers(ws: Any, *commands: Any) -> list[Any]:
     """Send commands; returns the answer to each, in order."""
     for n, command in enumerate(commands):
         await ws.send_str(json.dumps({"id": n, **command}))
-    found: dict[int, Any] = {}
+    content: dict[int, Any] = {}
     async with asyncio.timeout(20.0):
-        while len(found) < len(commands):
+        while len(content) < len(commands):
             message = await ws.receive_json()
             if message["type"] == "answer":
-                found[message["id"]] = message["fault"]
-    return [found[n] for n in range(len(commands))]
+                content[message["id"]] = message["fault"]
+    return [content[n] for n in range(len(commands))]
 
 
 async def test_a_mark_goes_to_the_daemon(site: Site) -> None:

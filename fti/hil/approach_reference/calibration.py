@@ -253,8 +253,8 @@ def _off_track_detections(
     return counts
 
 
-def _detection(plan: ReferenceOptions, found: Sequence[Array]) -> Detection:
-    counts = np.sum(np.reshape(np.array(found), (len(TRACK_OFFSETS_M), -1, *found[0].shape)), axis=1)
+def _detection(plan: ReferenceOptions, values: Sequence[Array]) -> Detection:
+    counts = np.sum(np.reshape(np.array(values), (len(TRACK_OFFSETS_M), -1, *values[0].shape)), axis=1)
     share = np.round(counts[:, 0] / np.maximum(counts[:, 1], 1.0), 3)
     return Detection(
         y_m=TRACK_OFFSETS_M,

@@ -84,9 +84,9 @@ def read_samples(folder: Path, sensor: str, session: int = 0) -> FitSamples:
             elif topic == SOLUTION:
                 poses += _pose(parse_table(data))
     if values and poses:
-        found = _interpolate_poses(np.array(sorted(values)), np.array(sorted(poses)), session)
-        if len(found):
-            return found
+        fit_samples = _interpolate_poses(np.array(sorted(values)), np.array(sorted(poses)), session)
+        if len(fit_samples):
+            return fit_samples
     raise MissingError(f"{folder}: has no values of {sensor!r} with a position; run fti reprocess")
 
 

@@ -165,21 +165,21 @@ def _grid_around(middle: float, step: float, half: float, limits: tuple[float, f
 _TABLES: dict[Model, int] = {"laser": 1, "nearest": len(NEAREST_DEG) + 2 * FINE_ENTRIES + 1, "beam": len(BEAM_DEG) + 18}
 
 
-def as_toml(found: FittedReceiver, sensor: str, sessions: Sequence[str]) -> str:
+def as_toml(fitted_receiver: FittedReceiver, sensor: str, sessions: Sequence[str]) -> str:
     """The TOML table of the device, with its source as a comment."""
-    before, after = found.rms()
+    before, after = fitted_receiver.rms()
     lines = [
-        f"# The receiver of {sensor!r}, by fti reference fit from {int(found.used.sum())} samples of",
+        f"# The receiver of {sensor!r}, by fti reference fit from {int(fitted_receiver.used.sum())} samples of",
         *(f"#   {session!r}" for session in sessions),
         f"# Measured minus predicted: {before:.2f} m RMS as configured, {after:.2f} m as fitted.",
         "# Put these keys into [device.altimeter] of the device; +- is one sigma.",
         "",
         "[device.altimeter]",
     ]
-    if found.model != "laser":
-        lines.append(f'model = "{found.model}"')
-    for name, value, sd, _ in found.rows():
-        note = ", not observable: close to the assumed value" if name in found.fit.unobservable else ""
+    if fitted_receiver.model != "laser":
+        lines.append(f'model = "{fitted_receiver.model}"')
+    for name, value, sd, _ in fitted_receiver.rows():
+        note = ", not observable: close to the assumed value" if name in fitted_receiver.fit.unobservable else ""
         lines.append(f"{name} = {value:.{_DIGITS[name]}f}  # +- {sd:.{_DIGITS[name]}f}{note}")
     return "\n".join(lines) + "\n"
 

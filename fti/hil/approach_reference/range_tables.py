@@ -57,12 +57,12 @@ class RangeTable:
             k = int(np.clip(np.searchsorted(axis, value) - 1, 0, len(axis) - 2))
             share = (value - axis[k]) / (axis[k + 1] - axis[k])
             corners.append([(k, 1.0 - share), (k + 1, share)])
-        found = np.zeros(self.ranges.shape[-1])
+        values = np.zeros(self.ranges.shape[-1])
         for corner in itertools.product(*corners):
             weight = math.prod(share for _, share in corner)
             if weight:
-                found = found + weight * self.ranges[tuple(k for k, _ in corner)]
-        return found
+                values = values + weight * self.ranges[tuple(k for k, _ in corner)]
+        return values
 
     def slope(self, parameters: Array, number: int) -> Array:
         """Derivative (n,) by one parameter: central difference over one step of its axis, limited to the axis."""
@@ -129,8 +129,8 @@ class RangeTableBuilder:
         return sensor_poses(self.terrain.frame, *pose, lever_arm_b=d.lever_arm_b, mat_bs=mat_bs, vel_n=s.vel_n)
 
     def _measure(self, sensor: RangingSensor) -> Array:
-        found = sensor.measure(self.terrain, self._poses())
-        return np.where(found.valid, found.slant_range, np.nan)
+        returns = sensor.measure(self.terrain, self._poses())
+        return np.where(returns.valid, returns.slant_range, np.nan)
 
     def _edges(self, width: float, thresholds_db: Sequence[float | None]) -> Array:
         """Ranges (thresholds, n): the rays are cast once for all thresholds."""

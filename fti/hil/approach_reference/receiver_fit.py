@@ -140,12 +140,12 @@ def coarse_start(problem: Problem) -> tuple[Array, float]:
 
     Raises ValueError if no entry has a prediction for half of the samples.
     """
-    found = [_linear(problem, np.array(entry)) for entry in itertools.product(*problem.table.axes)]
-    sd = min(spread for _, spread in found)
+    fits = [_linear(problem, np.array(entry)) for entry in itertools.product(*problem.table.axes)]
+    sd = min(spread for _, spread in fits)
     if not math.isfinite(sd):
         raise ValueError("half of the samples have no prediction; the terrain must cover the flight")
-    best = min((problem.total(p, sd), k) for k, (p, _) in enumerate(found))[1]
-    return found[best][0], sd
+    best = min((problem.total(p, sd), k) for k, (p, _) in enumerate(fits))[1]
+    return fits[best][0], sd
 
 
 def _linear(problem: Problem, entry: Array) -> tuple[Array, float]:

@@ -127,15 +127,15 @@ def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
     every = [_profile(s, one, s_max) for one in passes]
     begins = [float(np.max(s[np.isfinite(z)], initial=0.0)) for z in every]
     bins = (s >= 0.0) & (s <= s_max)
-    found = [z for z in every if np.isfinite(z[-1]) and np.isfinite(z[bins]).sum() * DS_M >= WINDOW_M]
-    if len(found) < MIN_APPROACHES:
+    usable = [z for z in every if np.isfinite(z[-1]) and np.isfinite(z[bins]).sum() * DS_M >= WINDOW_M]
+    if len(usable) < MIN_APPROACHES:
         raise ConfigError(
-            f"only {len(found)} of {len(passes)} recorded passes start {s_max:g} m before the intercept point and have "
-            f"a height every {GAP_M:g} m for {WINDOW_M:g} m or more; a reference needs "
+            f"only {len(usable)} of {len(passes)} recorded passes start {s_max:g} m before the intercept point and "
+            f"have a height every {GAP_M:g} m for {WINDOW_M:g} m or more; a reference needs "
             f"{MIN_APPROACHES}{_length_hint(begins)}"
         )
-    _check_places(s, np.array(found), s_max)
-    return np.array(found)
+    _check_places(s, np.array(usable), s_max)
+    return np.array(usable)
 
 
 def _profile(s: Array, one: Pass, s_max: float) -> Array:

@@ -33,8 +33,8 @@ def upper_quantile(sample: Array, beyond: float) -> float:
     shape, scale = pareto_tail(ordered[n - m :] - threshold)
     share = min(beyond * n / m, 1.0)
     above = scale * (1.0 - share**shape) / shape if abs(shape) > 1e-6 else -scale * np.log(share)
-    found = threshold + float(above)
-    return max(found, float(ordered[-1])) if n * beyond < 1.0 else found
+    value = threshold + float(above)
+    return max(value, float(ordered[-1])) if n * beyond < 1.0 else value
 
 
 def pareto_tail(excess: Array) -> tuple[float, float]:
@@ -50,6 +50,6 @@ def pareto_tail(excess: Array) -> tuple[float, float]:
 
 def bootstrap_interval(sample: Array, beyond: float, rng: np.random.Generator) -> tuple[float, float]:
     """95 % bootstrap interval of ``upper_quantile``."""
-    found = [upper_quantile(rng.choice(sample, len(sample)), beyond) for _ in range(BOOTSTRAPS)]
-    low, high = np.quantile(found, (0.025, 0.975))
+    values = [upper_quantile(rng.choice(sample, len(sample)), beyond) for _ in range(BOOTSTRAPS)]
+    low, high = np.quantile(values, (0.025, 0.975))
     return float(low), float(high)

@@ -29,11 +29,11 @@ class GnssFaults:
 
     def jamming_mask(self, t: Array, after_s: float = 0.0) -> Mask:
         """Where no signal is received, or where it returned less than after_s ago [s]; t : shape (n,) [s]."""
-        found = np.zeros(t.shape, dtype=bool)
+        mask = np.zeros(t.shape, dtype=bool)
         for fault in self._faults:
             if isinstance(fault, GnssOutage):
-                found |= (t >= fault.from_s) & (t < fault.to_s + after_s)
-        return found
+                mask |= (t >= fault.from_s) & (t < fault.to_s + after_s)
+        return mask
 
     def degraded_sds(self, t: Array) -> Array:
         """Standard deviation of each horizontal axis and of the height [m], shape (n, 2); NaN without a fault."""

@@ -92,11 +92,11 @@ class DeviceFaults:
     def _hold_values(self, index: int, measurements: list[Measurement]) -> list[Measurement]:
         """The first values of each kind of measurement in the interval; kinds may have different rates."""
         seen: Counter[type] = Counter()
-        found: list[Measurement] = []
+        results: list[Measurement] = []
         for m in measurements:
             seen[type(m)] += 1
-            found.append(replace(self._held.setdefault((index, type(m), seen[type(m)]), m), stamp=m.stamp))
-        return found
+            results.append(replace(self._held.setdefault((index, type(m), seen[type(m)]), m), stamp=m.stamp))
+        return results
 
 
 def _number_error(fault: NumberFault, t: float, rng: np.random.Generator) -> Callable[[float], float]:

@@ -148,8 +148,8 @@ def _example(kind: FaultKind, table: Mapping[str, Any], ordered: list[str]) -> I
 
 def _key(name: str, schema: Mapping[str, Any], required: bool) -> Key:
     default = schema.get("default")
-    shown = "" if required else "none" if default is None else json.dumps(default)
-    return Key(name, schema["unit"], shown, allowed_values(schema), schema["description"])
+    text = "" if required else "none" if default is None else json.dumps(default)
+    return Key(name, schema["unit"], text, allowed_values(schema), schema["description"])
 
 
 def allowed_values(schema: Mapping[str, Any]) -> str:

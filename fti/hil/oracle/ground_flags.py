@@ -56,20 +56,20 @@ def stuck_flags(fault: Stuck, case: FaultCase) -> RuleResult:
     craft, inside, true = case.craft, _in_interval_mask(case), _true_range(case)
     if case.name not in craft.altimeters or not inside.any():
         return [], "repeated values with new timestamps are not detectable"
-    held = float(true[inside][0])
-    deviates, unknown = _range_flags(case, np.full(len(true), held), "the range changes too little")
-    expected_flags = [*_repetition_flags(case, held), *deviates]
+    value = float(true[inside][0])
+    deviates, unknown = _range_flags(case, np.full(len(true), value), "the range changes too little")
+    expected_flags = [*_repetition_flags(case, value), *deviates]
     return expected_flags, "" if expected_flags else unknown
 
 
-def _repetition_flags(case: FaultCase, held: float) -> Sequence[ExpectedFlag]:
+def _repetition_flags(case: FaultCase, value: float) -> Sequence[ExpectedFlag]:
     """Expected once the range, or without known terrain the altitude, has changed by more than any step."""
     craft, truth, inside = case.craft, case.truth, _in_interval_mask(case)
-    if case.name not in craft.altimeters or not craft.positions or not np.isfinite(held):
+    if case.name not in craft.altimeters or not craft.positions or not np.isfinite(value):
         return []
     range_m = _true_range(case) if craft.has_terrain else np.cumsum(truth.climb * np.gradient(truth.t))
     known = inside & _in_range_mask(case.name, case) & ~craft.terrain_edge_mask(truth)
-    changed = known & (abs(range_m - float(range_m[inside][0])) > STUCK_M + STUCK_SHARE * held)
+    changed = known & (abs(range_m - float(range_m[inside][0])) > STUCK_M + STUCK_SHARE * value)
     if (shown := truth.span(changed)) is None:
         return []
     until = case.until_s - shown[1] + MEMORY_S  # it stays rejected until its value changes

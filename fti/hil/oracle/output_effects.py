@@ -241,7 +241,7 @@ def _depends_on_terrain(output: RequiredOutput) -> bool:
 
 def interval_mask(t: NDArray[np.float64], intervals: Sequence[Interval]) -> NDArray[np.bool_]:
     """Mask of the times within one of the intervals, ends included; shape as t."""
-    found = np.zeros(np.shape(t), dtype=bool)
+    mask = np.zeros(np.shape(t), dtype=bool)
     for from_s, until_s in intervals:
-        found |= (t >= from_s) & (t <= until_s)
-    return found
+        mask |= (t >= from_s) & (t <= until_s)
+    return mask

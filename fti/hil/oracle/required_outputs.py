@@ -178,8 +178,8 @@ def approach_altimeter(config: Config, reference: ApproachReference | None) -> s
     """The altimeter that monitors the approach: the first one that fits the reference."""
     if reference is None:
         return None
-    found = (config.find_device(name) for name in config.nav.altimeters)
-    return next((device.name for device in found if device and fits(device, reference.header.sensor)), None)
+    devices = (config.find_device(name) for name in config.nav.altimeters)
+    return next((device.name for device in devices if device and fits(device, reference.header.sensor)), None)
 
 
 def _measurement_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:

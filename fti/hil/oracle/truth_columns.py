@@ -19,14 +19,14 @@ def truth_of_columns(t: Array, columns: Mapping[str, Array], intercept_m: float)
     """The truth series for expected flags.
 
     t : time of the flight [s], shape (n,)
-    columns : by the names of ``fti.hil.truth_log``, each shape (n,), unknown values NaN; any may be missing
+    columns : by the names of ``fti.hil.truth_log``, each shape (n,), unknown names NaN; any may be missing
     intercept_m : distance of the glide path intercept point beyond the threshold [m]
     """
     unknown = np.full(len(t), np.nan)
     height_agl, s, y, roll, pitch, down = (columns.get(name, unknown) for name in NAMES)
     of_beam, *_ = RANGES
-    found = sorted(name for name in columns if name.startswith(of_beam) and np.isfinite(columns[name]).any())
-    beams = {name: _beam(name, columns, unknown) for name in (column.removeprefix(of_beam) for column in found)}
+    names = sorted(name for name in columns if name.startswith(of_beam) and np.isfinite(columns[name]).any())
+    beams = {name: _beam(name, columns, unknown) for name in (column.removeprefix(of_beam) for column in names)}
     return TruthSeries(t, height_agl, s - intercept_m, y, roll, pitch, -down, ranges=beams)
 
 

@@ -32,15 +32,15 @@ def parse(table: Mapping[str, Any], path: Path) -> Scenario:
             raise ConfigError(f"{path}: fault[{i}].to_s = {fault.to_s}: must be after from_s = {fault.from_s}")
         if isinstance(fault, OffTrack) and not isinstance(scenario.flight, ApproachFlight):
             raise ConfigError(f"{path}: fault[{i}].kind = 'off_track': needs flight.kind = 'approach'")
-    found: dict[str, Any] = {"config": _resolve_path(path, scenario.config)}
+    update: dict[str, Any] = {"config": _resolve_path(path, scenario.config)}
     if isinstance(flight := scenario.flight, RecordedFlight):
-        found["flight"] = flight.model_copy(update={"file": _resolve_path(path, flight.file)})
+        update["flight"] = flight.model_copy(update={"file": _resolve_path(path, flight.file)})
     if scenario.profile is not None:
         file = _resolve_path(path, scenario.profile)
         profile = read_profile(Path(file))
-        found |= {"fault": scenario.fault + profile.faults, "expect": scenario.expect + profile.expectations}
-        found["profile"] = file
-    return scenario.model_copy(update=found)
+        update |= {"fault": scenario.fault + profile.faults, "expect": scenario.expect + profile.expectations}
+        update["profile"] = file
+    return scenario.model_copy(update=update)
 
 
 def _resolve_path(path: Path, name: str) -> str:

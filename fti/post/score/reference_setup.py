@@ -53,8 +53,8 @@ def compare_recorded(reference_setup: Setup, recording: Recording) -> list[Fligh
         config, texts = attached_config(recording.attachments(), recording.path)
     except ConfigError as error:
         return [FlightFinding(CONFIGURATION, NAME, Result.FAILS, f"the recorded configuration is invalid: {error}")]
-    found = [FlightFinding(CONFIGURATION, *one) for one in differences(reference_setup, config, texts)]
-    return found or [FlightFinding(CONFIGURATION, NAME, Result.HOLDS, "the recorded configuration is the same")]
+    findings = [FlightFinding(CONFIGURATION, *one) for one in differences(reference_setup, config, texts)]
+    return findings or [FlightFinding(CONFIGURATION, NAME, Result.HOLDS, "the recorded configuration is the same")]
 
 
 def user_setup_finding() -> list[FlightFinding]:

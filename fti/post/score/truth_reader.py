@@ -129,11 +129,11 @@ def find_scenarios(file: Path, scenarios: Iterable[Scenario]) -> list[Scenario]:
     named = list(scenarios)
     head = McapFile(file).head()
     truth_scenario = _read_scenario(file, head)
-    found = [scenario for scenario in named if not differing_keys(scenario, truth_scenario)]
-    if not found:
+    matches = [scenario for scenario in named if not differing_keys(scenario, truth_scenario)]
+    if not matches:
         titles = ", ".join(repr(scenario.title) for scenario in named)
         raise _wrong_scenario(file, head, f"of the present version of any scenario: {titles}")
-    return found
+    return matches
 
 
 def _read_scenario(file: Path, head: Head) -> dict[str, object]:

@@ -107,10 +107,10 @@ def test_glide_slope_is_inside_3_sigma(reference: ApproachReference, path: Appro
             output = monitor.step(x)
             if output is None or monitor.bins is None:
                 continue
-            shown = glide_slope(output, path, PathPosition(x.s, x.y, x.alt), mean_deviation(monitor.bins, reference))
-            if shown.valid and shown.deviation is not None and shown.sd is not None:
+            result = glide_slope(output, path, PathPosition(x.s, x.y, x.alt), mean_deviation(monitor.bins, reference))
+            if result.valid and result.deviation is not None and result.sd is not None:
                 true = math.atan2(s * math.tan(path.glide) + alt - float(path.alt_path(s)), s) - path.glide
-                inside.append(abs(shown.deviation - true) <= 3 * shown.sd)
+                inside.append(abs(result.deviation - true) <= 3 * result.sd)
     assert len(inside) > 1000
     assert np.mean(inside) >= 0.99
 

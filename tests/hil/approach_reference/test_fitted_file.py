@@ -38,13 +38,13 @@ def test_beam_bias_and_scale_are_those_of_the_file(tmp_path: Path, beam_deg: flo
 
 def test_a_deeper_threshold_sees_farther_up(tmp_path: Path) -> None:
     """A leading edge at -20 dB hears ground that is nearer, farther off the boresight, than one at -3 dB."""
-    found = [
+    values = [
         ranges(
             fitted_receiver(RA4500.sensor, read_fitted(written(tmp_path, f'model = "beam"\nthreshold_db = {level}\n')))
         )
         for level in (-20.0, -3.0)
     ]
-    assert HEIGHT_M - 1.0 < found[0] < found[1] - 5.0
+    assert HEIGHT_M - 1.0 < values[0] < values[1] - 5.0
 
 
 def test_a_laser_stays_one(tmp_path: Path) -> None:

@@ -121,9 +121,9 @@ def test_over_level_ground_it_is_the_height_that_the_templates_need(
     ground: TerrainGround, reference: ApproachReference
 ) -> None:
     """A flight's own errors, of elevation and attitude, are 1 to 2 m: up to the next height or the one behind it."""
-    found = min_obstacle_height(ground, PLAN, reference, (100.0, 2000.0))
+    value = min_obstacle_height(ground, PLAN, reference, (100.0, 2000.0))
     assert by_theory(20) == pytest.approx(11.4, abs=0.1)
-    assert found in (15.0, 20.0)
+    assert value in (15.0, 20.0)
     assert by_theory(1) == 20.0  # what a single bin would need, which the next height above the noise is not
 
 

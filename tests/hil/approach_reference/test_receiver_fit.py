@@ -84,18 +84,18 @@ TRUE = {"beam_deg": BEAM_DEG, "bias_m": BIAS_M, "scale": SCALE}
 
 
 def test_beam_bias_and_scale_are_found_where_others_are_configured() -> None:
-    found = fit(measured(1))
-    for name, value, sd, configured in found.rows():
+    fitted_receiver = fit(measured(1))
+    for name, value, sd, configured in fitted_receiver.rows():
         assert value == pytest.approx(TRUE[name], abs=3.0 * sd), name
         assert configured == {"beam_deg": 40.0, "bias_m": 0.0, "scale": 1.0}[name]
-    assert found.fit.sd_of("beam_deg") < 0.5
-    assert found.fit.sd_of("bias_m") < 0.3
-    assert found.fit.sd_of("scale") < 0.001
-    assert found.fit.unobservable == ()
-    before, after = found.rms()
+    assert fitted_receiver.fit.sd_of("beam_deg") < 0.5
+    assert fitted_receiver.fit.sd_of("bias_m") < 0.3
+    assert fitted_receiver.fit.sd_of("scale") < 0.001
+    assert fitted_receiver.fit.unobservable == ()
+    before, after = fitted_receiver.rms()
     assert before > 5.0
     assert after == pytest.approx(NOISE_M, rel=0.15)
-    assert (~found.used).mean() == pytest.approx(0.05, abs=0.02)
+    assert (~fitted_receiver.used).mean() == pytest.approx(0.05, abs=0.02)
 
 
 @pytest.mark.parametrize("alike_s", [0.0, 10.0])
@@ -105,17 +105,17 @@ def test_the_sigmas_hold_also_where_neighbours_err_alike(alike_s: float) -> None
     """
     squares = []
     for seed in range(8):
-        found = fit(measured(100 + seed, alike_s=alike_s))
-        squares.append([((value - TRUE[name]) / sd) ** 2 for name, value, sd, _ in found.rows()])
+        fitted_receiver = fit(measured(100 + seed, alike_s=alike_s))
+        squares.append([((value - TRUE[name]) / sd) ** 2 for name, value, sd, _ in fitted_receiver.rows()])
     assert 0.2 < np.mean(squares) < 2.0
 
 
 def test_what_level_flight_over_level_ground_does_not_show_is_marked() -> None:
-    found = fit(measured(2, max_bank_deg=0.0), beam_deg=45.0)
-    assert found.fit.unobservable == ("beam_deg",)
-    assert found.fit["beam_deg"] == pytest.approx(45.0, abs=5.0)
-    assert found.fit["bias_m"] == pytest.approx(BIAS_M, abs=0.3)
-    assert "not observable: close to the assumed value" in as_toml(found, "altimeter", ["x"])
+    fitted_receiver = fit(measured(2, max_bank_deg=0.0), beam_deg=45.0)
+    assert fitted_receiver.fit.unobservable == ("beam_deg",)
+    assert fitted_receiver.fit["beam_deg"] == pytest.approx(45.0, abs=5.0)
+    assert fitted_receiver.fit["bias_m"] == pytest.approx(BIAS_M, abs=0.3)
+    assert "not observable: close to the assumed value" in as_toml(fitted_receiver, "altimeter", ["x"])
 
 
 def test_what_navigation_does_not_know_of_its_height_is_not_known_of_the_bias() -> None:
@@ -130,10 +130,10 @@ def test_a_laser_has_bias_and_scale_alone() -> None:
     rng = np.random.default_rng(4)
     pose = poses(300, rng, 40.0)
     value = SCALE * pose["alt"] / np.cos(pose["roll"]) + BIAS_M + rng.normal(0.0, 0.1, 300)
-    found = fit_receiver(device("laser"), terrain(), FitSamples(value=value, **pose))
-    assert (found.model, found.fit.names) == ("laser", ("bias_m", "scale"))
-    assert found.fit["bias_m"] == pytest.approx(BIAS_M, abs=0.1)
-    assert found.fit["scale"] == pytest.approx(SCALE, abs=5e-4)
+    fitted_receiver = fit_receiver(device("laser"), terrain(), FitSamples(value=value, **pose))
+    assert (fitted_receiver.model, fitted_receiver.fit.names) == ("laser", ("bias_m", "scale"))
+    assert fitted_receiver.fit["bias_m"] == pytest.approx(BIAS_M, abs=0.1)
+    assert fitted_receiver.fit["scale"] == pytest.approx(SCALE, abs=5e-4)
 
 
 def test_a_leading_edge_is_distinguished_from_a_nearest_return_with_its_threshold() -> None:
@@ -149,25 +149,25 @@ def test_a_leading_edge_is_distinguished_from_a_nearest_return_with_its_threshol
     value = SCALE * d + BIAS_M + rng.normal(0.0, NOISE_M, 300)
     known = np.isfinite(value)
     samples = FitSamples(value=value[known], **{name: column[known] for name, column in pose.items()})
-    found = fit_receiver(device(), ground, samples)
-    assert found.model == "beam"
-    assert found.others["nearest"] > 1.5 * found.fit.sd
+    fitted_receiver = fit_receiver(device(), ground, samples)
+    assert fitted_receiver.model == "beam"
+    assert fitted_receiver.others["nearest"] > 1.5 * fitted_receiver.fit.sd
     for name, true in {**TRUE, "beam_deg": 50.0, "threshold_db": -12.0}.items():
-        assert found.fit[name] == pytest.approx(true, abs=3.0 * found.fit.sd_of(name)), name
-    assert found.fit.sd_of("threshold_db") < 1.0
-    assert found.fit.sd_of("beam_deg") < 3.0
+        assert fitted_receiver.fit[name] == pytest.approx(true, abs=3.0 * fitted_receiver.fit.sd_of(name)), name
+    assert fitted_receiver.fit.sd_of("threshold_db") < 1.0
+    assert fitted_receiver.fit.sd_of("beam_deg") < 3.0
 
 
 def test_what_is_written_is_what_a_configuration_takes() -> None:
-    found = fit(measured(6))
-    text = as_toml(found, "altimeter", ["data/a b_0"])
+    fitted_receiver = fit(measured(6))
+    text = as_toml(fitted_receiver, "altimeter", ["data/a b_0"])
     table = configuration.parse_toml(text, "receiver.toml")["device"]["altimeter"]
-    taken = device(**table).altimeter
-    assert taken is not None
-    assert taken.beam_deg == pytest.approx(found.fit["beam_deg"], abs=0.006)
-    assert taken.model == "nearest"
-    assert taken.bias_m == pytest.approx(found.fit["bias_m"], abs=0.006)
-    assert taken.scale == pytest.approx(found.fit["scale"], abs=1e-5)
+    altimeter = device(**table).altimeter
+    assert altimeter is not None
+    assert altimeter.beam_deg == pytest.approx(fitted_receiver.fit["beam_deg"], abs=0.006)
+    assert altimeter.model == "nearest"
+    assert altimeter.bias_m == pytest.approx(fitted_receiver.fit["bias_m"], abs=0.006)
+    assert altimeter.scale == pytest.approx(fitted_receiver.fit["scale"], abs=1e-5)
 
 
 def test_too_few_samples_and_ground_that_is_not_known_are_refused() -> None:

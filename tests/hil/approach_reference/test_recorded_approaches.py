@@ -192,8 +192,8 @@ def test_a_shorter_profile_is_proposed_where_one_can_be_made(
 def test_a_flight_with_two_approaches_and_a_circuit_is_two_ways_down() -> None:
     out = np.arange(0.0, 2500.0, 3.0)
     s = np.concatenate((out[::-1], out, out[::-1]))
-    found = list(split_passes(Pass(np.arange(len(s)), s, np.zeros(len(s))), S_MAX))
-    long = [one for one in found if len(one.s) > 100]
+    passes = list(split_passes(Pass(np.arange(len(s)), s, np.zeros(len(s))), S_MAX))
+    long = [one for one in passes if len(one.s) > 100]
     assert len(long) == 2
     assert all(np.all(np.diff(one.s) <= 20.0) for one in long)
 

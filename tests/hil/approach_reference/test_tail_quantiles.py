@@ -19,9 +19,9 @@ def test_a_pareto_tail_is_found_again(shape: float) -> None:
 def test_a_far_quantile_of_maxima_is_met_in_the_middle() -> None:
     """Maxima of 30 normal numbers, 2000 of them: the median of 60 estimates, within 3 %."""
     rng = np.random.default_rng(2)
-    found = [upper_quantile(rng.normal(size=(2000, 30)).max(axis=1), BEYOND) for _ in range(60)]
+    values = [upper_quantile(rng.normal(size=(2000, 30)).max(axis=1), BEYOND) for _ in range(60)]
     true = norm.ppf((1.0 - BEYOND) ** (1 / 30))
-    assert np.median(found) == pytest.approx(true, rel=0.03)
+    assert np.median(values) == pytest.approx(true, rel=0.03)
 
 
 def test_where_the_sample_knows_it_is_asked() -> None:

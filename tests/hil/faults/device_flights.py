@@ -137,11 +137,11 @@ def fly(
 ) -> Flight:
     """What leaves, and when [s]; instants at which nothing does are not in it."""
     line = DevicePipeline(sensor or device(name), scenario(fault=faults, seed=seed), until_s)
-    found: Flight = []
+    flight: Flight = []
     while (t := line.due_s()) is not None:
         if messages := line.step(START_NS):
-            found.append((t, messages))
-    return found
+            flight.append((t, messages))
+    return flight
 
 
 @cache

@@ -155,8 +155,8 @@ def decoded(name: str, flight: Flight) -> list[Measurement]:
     """What a decoder makes of a flight, sorted, but for what it says of lost messages."""
     bound = bind_device(name)
     decoder = bound.driver.make_decoder(bound.options)
-    found = [m for t, messages in flight for message in messages for m in decoder.feed(message, round(t * 1e9))]
-    return sorted((m for m in found if not isinstance(m, DeviceStatus | Reading)), key=repr)
+    measurements = [m for t, messages in flight for message in messages for m in decoder.feed(message, round(t * 1e9))]
+    return sorted((m for m in measurements if not isinstance(m, DeviceStatus | Reading)), key=repr)
 
 
 def test_every_kind_is_tried() -> None:

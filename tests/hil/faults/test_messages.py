@@ -92,9 +92,9 @@ def test_messages_are_held_and_leave_at_once() -> None:
 @pytest.mark.parametrize("until_s", [4.3, float("inf")])
 def test_at_the_end_of_the_flight_nothing_is_held_back(kind: Burst | Reordered, until_s: float) -> None:
     """The interval ends a minute behind the flight; what is held leaves with the last message of the device."""
-    held = fly("mavlink", kind, until_s=until_s)
+    flight = fly("mavlink", kind, until_s=until_s)
     nominal_messages = [(t, m) for t, m in nominal("mavlink") if t <= until_s]
-    arrived = [(t, m) for t, m in held if t <= until_s]
+    arrived = [(t, m) for t, m in flight if t <= until_s]
     assert sorted(messages(arrived)) == sorted(messages(nominal_messages))
     assert arrived[-1][0] <= min(until_s, nominal("mavlink")[-1][0])
 
@@ -167,8 +167,8 @@ def test_a_cut_cable_does_not_stop_the_device_from_counting() -> None:
 
 def test_faults_follow_each_other_in_the_order_of_the_scenario() -> None:
     short = Truncated(kind="truncated", from_s=0.0, to_s=99.0, count=1)
-    held = Burst(kind="burst", from_s=1.0, to_s=2.0, hold_s=0.5)
-    for faults in ((short, held), (held, short)):
+    burst = Burst(kind="burst", from_s=1.0, to_s=2.0, hold_s=0.5)
+    for faults in ((short, burst), (burst, short)):
         flight = fly("lightware_ascii", *faults)
         assert messages(flight) == [m[:-1] for m in messages(nominal("lightware_ascii"))]
         assert [t for t, _ in flight if 1.0 < t <= 2.0] == [1.5, 2.0]

@@ -212,8 +212,8 @@ def test_a_device_that_is_mounted_below_is_below() -> None:
 def test_an_altimeter_that_is_mounted_below_is_nearer_to_the_ground() -> None:
     """A flat country: a laser of 247 m that is 30 m below its place reads 30 m less, within what the pitch makes."""
     without, wrong = flights("lightware_ascii", fault_of("lever_arm", down_m=30.0))
-    found = [[float(m) for t, m in messages(flight) if is_during(t)] for flight in (without, wrong)]
-    np.testing.assert_allclose(np.array(found[0]) - found[1], 30.0, atol=0.1)
+    values = [[float(m) for t, m in messages(flight) if is_during(t)] for flight in (without, wrong)]
+    np.testing.assert_allclose(np.array(values[0]) - values[1], 30.0, atol=0.1)
 
 
 # --------------------------------------------------------------------------------------------- attitude and inertial
@@ -299,8 +299,8 @@ def test_an_inertial_system_on_its_own_drifts_with_the_bias() -> None:
 
 def test_a_scaled_range_is_too_long_by_its_share() -> None:
     scale = fault_of("scale", quantity="range.slant_range", percent=-4.0)
-    found = [[float(m) for t, m in messages(flight) if is_during(t)] for flight in flights("lightware_ascii", scale)]
-    np.testing.assert_allclose(found[1], 0.96 * np.array(found[0]), atol=0.01)
+    values = [[float(m) for t, m in messages(flight) if is_during(t)] for flight in flights("lightware_ascii", scale)]
+    np.testing.assert_allclose(values[1], 0.96 * np.array(values[0]), atol=0.01)
 
 
 def test_late_values_are_those_of_an_earlier_message_with_new_times() -> None:

@@ -167,8 +167,8 @@ def test_a_name_chooses_among_readings_surfaces_and_stations() -> None:
 
     def changed(quantity: str, name: str | None) -> list[int]:
         table = {"kind": "bias", "quantity": quantity, "name": name, **EVER, "value": 1.0}
-        found = DeviceFaults("a", [MAKE.validate_python(table)]).apply(1.0, measurements)
-        return [k for k, (was, now) in enumerate(zip(measurements, found, strict=True)) if was != now]
+        results = DeviceFaults("a", [MAKE.validate_python(table)]).apply(1.0, measurements)
+        return [k for k, (was, now) in enumerate(zip(measurements, results, strict=True)) if was != now]
 
     assert changed("reading.value", None) == [0, 1]
     assert changed("reading.value", "hdop") == [1]

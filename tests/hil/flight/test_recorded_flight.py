@@ -27,19 +27,19 @@ def test_there_and_back(tmp_path: Path) -> None:
     heading = rng.uniform(0.0, 6.28, 20)
     samples = FlightSamples(t, angles[0], angles[1], 1000.0 * angles[2] + 600.0, angles[2], angles[3], heading)
     write_table(samples, tmp_path / "flight.csv", ["somebody's", "flight"])
-    found = read_table(tmp_path / "flight.csv")
+    result = read_table(tmp_path / "flight.csv")
     for name, atol in [("t", 1e-12), ("lat", 2e-11), ("lon", 2e-11), ("alt", 6e-4), ("roll", 1e-7), ("heading", 1e-7)]:
-        np.testing.assert_allclose(getattr(found, name), getattr(samples, name), atol=atol, err_msg=name)
+        np.testing.assert_allclose(getattr(result, name), getattr(samples, name), atol=atol, err_msg=name)
 
 
 def test_columns_stand_in_any_order_and_others_are_not_read(tmp_path: Path) -> None:
     text = (
         "# a remark\n\nheading_deg, engine, t_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg\n90,on,1.5,45,-120,300,-10,5\n"
     )
-    found = read_table(written(tmp_path, text))
-    assert (found.t[0], found.alt[0]) == (1.5, 300.0)
-    np.testing.assert_allclose([found.lat[0], found.lon[0], found.heading[0]], np.deg2rad([45.0, -120.0, 90.0]))
-    np.testing.assert_allclose([found.roll[0], found.pitch[0]], np.deg2rad([-10.0, 5.0]))
+    samples = read_table(written(tmp_path, text))
+    assert (samples.t[0], samples.alt[0]) == (1.5, 300.0)
+    np.testing.assert_allclose([samples.lat[0], samples.lon[0], samples.heading[0]], np.deg2rad([45.0, -120.0, 90.0]))
+    np.testing.assert_allclose([samples.roll[0], samples.pitch[0]], np.deg2rad([-10.0, 5.0]))
 
 
 @pytest.mark.parametrize(

@@ -65,25 +65,25 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_path_of_p_and_its_attitude_are_found(session: Path) -> None:
     """Within what the device itself is off: a metre or so, a tenth of a degree; not by its lever arm, 23 m here."""
-    found = read_session(session, "ins")
-    assert len(found.t) == pytest.approx(50 * FLIGHT_S, abs=20)
-    assert found.t[0] == 0.0
-    assert np.diff(found.t).max() < 0.03
+    samples = read_session(session, "ins")
+    assert len(samples.t) == pytest.approx(50 * FLIGHT_S, abs=20)
+    assert samples.t[0] == 0.0
+    assert np.diff(samples.t).max() < 0.03
     truth = world(FLIGHT_S)
-    first = _first(found, truth)
-    state = truth.state(first + found.t[20:-20])
+    first = _first(samples, truth)
+    state = truth.state(first + samples.t[20:-20])
     part = FlightSamples(
-        *(getattr(found, name)[20:-20] for name in ("t", "lat", "lon", "alt", "roll", "pitch", "heading"))
+        *(getattr(samples, name)[20:-20] for name in ("t", "lat", "lon", "alt", "roll", "pitch", "heading"))
     )
     metres, angles = displacements(part, state)
     assert metres.max() < 5.0
     assert np.rad2deg(angles.max()) < 0.5
 
 
-def _first(found: FlightSamples, truth: Environment) -> float:
+def _first(samples: FlightSamples, truth: Environment) -> float:
     """When the first sample was taken, by the course of the flight [s]."""
     t = np.arange(0.0, 0.2, 0.001)
-    return float(t[np.argmin(np.abs(truth.state(t).lon - found.lon[0]))])
+    return float(t[np.argmin(np.abs(truth.state(t).lon - samples.lon[0]))])
 
 
 def test_it_is_flown_again(session: Path) -> None:

@@ -62,12 +62,12 @@ def test_steps_of_single_precision_are_filtered_out(recorded: tuple[FlightSample
     true, steps = recorded
     coarse_m, _ = displacements(true, steps)
     assert 0.3 < coarse_m.max() < 0.7
-    found = fit(steps, 2.0)
-    assert 0.1 < np.sqrt(np.mean(found.filter_m**2)) < 0.5
-    assert np.rad2deg(found.filter_rad.max()) < 0.05
-    assert 0.0 < np.sqrt(np.mean(found.spline_m**2)) < 5e-3
-    assert np.rad2deg(found.spline_rad.max()) < 1e-3
-    state = found.flight.state(true.t[5:-10])
+    flight_fit = fit(steps, 2.0)
+    assert 0.1 < np.sqrt(np.mean(flight_fit.filter_m**2)) < 0.5
+    assert np.rad2deg(flight_fit.filter_rad.max()) < 0.05
+    assert 0.0 < np.sqrt(np.mean(flight_fit.spline_m**2)) < 5e-3
+    assert np.rad2deg(flight_fit.spline_rad.max()) < 1e-3
+    state = flight_fit.flight.state(true.t[5:-10])
     true_speed = 60.0
     assert np.abs(np.linalg.norm(state.vel_n, axis=1) - true_speed).max() < 1.0
     assert np.linalg.norm(state.accel_e, axis=1).max() < 10.0
@@ -75,10 +75,10 @@ def test_steps_of_single_precision_are_filtered_out(recorded: tuple[FlightSample
 
 def test_without_a_filter_the_steps_shake_the_flight(recorded: tuple[FlightSamples, FlightSamples]) -> None:
     """Which is what the filter is for: half a metre in a tenth of a second."""
-    found = fit(recorded[1], None)
-    assert np.linalg.norm(found.flight.state(recorded[0].t).accel_e, axis=1).max() > 100.0
-    assert len(found.spline_m) == 0
-    np.testing.assert_array_equal(found.filter_m, 0.0)
+    flight_fit = fit(recorded[1], None)
+    assert np.linalg.norm(flight_fit.flight.state(recorded[0].t).accel_e, axis=1).max() > 100.0
+    assert len(flight_fit.spline_m) == 0
+    np.testing.assert_array_equal(flight_fit.filter_m, 0.0)
 
 
 def test_the_errors_are_reported_as_text(recorded: tuple[FlightSamples, FlightSamples]) -> None:

@@ -44,13 +44,13 @@ def test_it_begins_and_ends_at_its_waypoints() -> None:
 
 
 def test_legs_are_straight_and_the_turn_is_an_arc_that_touches_both() -> None:
-    found = places(sampled(waypoint_flight(CORNER, BANK, (0.0, 0.0))))
+    values = places(sampled(waypoint_flight(CORNER, BANK, (0.0, 0.0))))
     lead, half = RADIUS, SMOOTH_S / 2 * SPEED
-    before, after = found[:, 0] < 4000.0 - lead - half, found[:, 1] < -lead - half
-    np.testing.assert_allclose(found[before, 1], 0.0, atol=0.3)  # a great circle is no line of the plane
-    np.testing.assert_allclose(found[after, 0], 4000.0, atol=0.3)
-    inside = (found[:, 0] > 4000.0 - lead + half) & (found[:, 1] > -lead + half)
-    from_centre = np.hypot(found[inside, 0] - 4000.0 + lead, found[inside, 1] + lead)
+    before, after = values[:, 0] < 4000.0 - lead - half, values[:, 1] < -lead - half
+    np.testing.assert_allclose(values[before, 1], 0.0, atol=0.3)  # a great circle is no line of the plane
+    np.testing.assert_allclose(values[after, 0], 4000.0, atol=0.3)
+    inside = (values[:, 0] > 4000.0 - lead + half) & (values[:, 1] > -lead + half)
+    from_centre = np.hypot(values[inside, 0] - 4000.0 + lead, values[inside, 1] + lead)
     averaged_in = (SPEED**2 / RADIUS) * 0.0327 * SMOOTH_S**2 / 2
     np.testing.assert_allclose(from_centre, RADIUS - averaged_in, atol=0.3)
 

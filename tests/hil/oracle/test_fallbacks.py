@@ -25,8 +25,8 @@ def config() -> Config:
 def due(config: Config, *faults: dict[str, object]) -> list[Due]:
     """Fault, words at the solution, from and until."""
     flight = Scenario.model_validate({"title": "x", "description": "x", "config": "x", "fault": faults})
-    found = fallback_flags(flight.fault, AircraftRoles(config, bind_devices(config), flight))
-    expected_flags = [(i, expected_flag) for i, one in found for expected_flag in one.expected_flags]
+    rows = fallback_flags(flight.fault, AircraftRoles(config, bind_devices(config), flight))
+    expected_flags = [(i, expected_flag) for i, one in rows for expected_flag in one.expected_flags]
     assert [expected_flag.place for _, expected_flag in expected_flags] == [SOLUTION, EVENT] * (
         len(expected_flags) // 2
     )

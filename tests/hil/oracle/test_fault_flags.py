@@ -64,5 +64,5 @@ def test_power_that_every_device_loses_is_not_expected_of_the_power_unit(kind: s
     fault = TypeAdapter[fault_types.Fault](fault_types.Fault).validate_python(
         {"kind": kind, "from_s": 20.0, "to_s": 26.0}
     )
-    found = flags_of_fault(fault, AircraftRoles(config, bind_devices(config), scenario), TruthSeries(t, *[0 * t] * 6))
-    assert [one.subject for one in found] == [device.name for device in config.device if device.name != "pdu"]
+    flags = flags_of_fault(fault, AircraftRoles(config, bind_devices(config), scenario), TruthSeries(t, *[0 * t] * 6))
+    assert [one.subject for one in flags] == [device.name for device in config.device if device.name != "pdu"]

@@ -33,9 +33,9 @@ def craft() -> AircraftRoles:
     return AircraftRoles(config, bind_devices(config), scenario)
 
 
-def at(place: str, found: tuple[FlagAllowance, ...]) -> list[FlagAllowance]:
+def at(place: str, allowances: tuple[FlagAllowance, ...]) -> list[FlagAllowance]:
     """Allowances at a place, without those of uneven ground."""
-    return [allowance for allowance in found if allowance.place == place and allowance.words != OF_GROUND]
+    return [allowance for allowance in allowances if allowance.place == place and allowance.words != OF_GROUND]
 
 
 def test_uneven_ground_explains_itself_and_nothing_else(craft: AircraftRoles) -> None:
@@ -50,8 +50,8 @@ def beam(here: Array, aside: float | Array = 0.0) -> TruthSeries:
     return replace(LEVEL, ranges={"autopilot": (here, here, here + aside)})
 
 
-def edges(found: tuple[FlagAllowance, ...]) -> list[tuple[float, float]]:
-    return [(a.from_s, a.until_s) for a in found if a.explains(LASER, "deviation")]
+def edges(allowances: tuple[FlagAllowance, ...]) -> list[tuple[float, float]]:
+    return [(a.from_s, a.until_s) for a in allowances if a.explains(LASER, "deviation")]
 
 
 def test_the_edge_of_a_wood_in_the_beam_explains_a_deviation_just_there(craft: AircraftRoles) -> None:
@@ -75,9 +75,9 @@ def test_ground_without_an_edge_explains_no_deviation(craft: AircraftRoles, here
 
 
 def test_the_edge_in_one_beam_explains_nothing_of_another(craft: AircraftRoles) -> None:
-    found = flight_allowances(craft, beam(np.where(T < 30.0, 180.0, 199.0)))
-    assert not [allowance for allowance in found if allowance.explains(ALTIMETER, "deviation")]
-    assert not [a for a in found if a.explains(LASER, "stale") or a.explains(LASER, "not_nadir")]
+    allowances = flight_allowances(craft, beam(np.where(T < 30.0, 180.0, 199.0)))
+    assert not [allowance for allowance in allowances if allowance.explains(ALTIMETER, "deviation")]
+    assert not [a for a in allowances if a.explains(LASER, "stale") or a.explains(LASER, "not_nadir")]
 
 
 def test_a_height_that_stands_still_is_due_as_soon_as_the_ground_changes(craft: AircraftRoles) -> None:
@@ -115,22 +115,22 @@ def test_what_is_beyond_a_limit_is_explained_for_as_long(
     craft: AircraftRoles, name: str, value: float, altimeter: bool
 ) -> None:
     changed: dict[str, Any] = {name: np.where(MIDDLE, value, 0.0)}
-    found = flight_allowances(craft, replace(LEVEL, **changed))
-    (integrity,) = at(INTEGRITY, found)
+    allowances = flight_allowances(craft, replace(LEVEL, **changed))
+    (integrity,) = at(INTEGRITY, allowances)
     assert integrity.from_s == pytest.approx(20.0)
     assert 40.0 < integrity.until_s < 70.0
-    heights = at(ALTIMETER, found)
+    heights = at(ALTIMETER, allowances)
     assert bool(heights) == altimeter
     assert all(allowance.from_s == pytest.approx(20.0) and allowance.until_s < 41.0 for allowance in heights)
 
 
 @pytest.mark.parametrize("height", [800.0, np.nan, 0.1])
 def test_ground_that_cannot_be_measured_is_explained(craft: AircraftRoles, height: float) -> None:
-    found = flight_allowances(craft, replace(LEVEL, height_agl=np.where(MIDDLE, height, 200.0)))
-    (heights,), (device,) = at(ALTIMETER, found), at("/altimeter/", found)
+    allowances = flight_allowances(craft, replace(LEVEL, height_agl=np.where(MIDDLE, height, 200.0)))
+    (heights,), (device,) = at(ALTIMETER, allowances), at("/altimeter/", allowances)
     assert heights.from_s < 20.0 < 40.0 < heights.until_s < 43.0
     assert (device.from_s, device.until_s) == (heights.from_s, heights.until_s)
-    assert at(INTEGRITY, found) == []
+    assert at(INTEGRITY, allowances) == []
 
 
 def test_an_obstacle_that_only_the_beam_has_reached_is_explained_and_not_due(craft: AircraftRoles) -> None:

@@ -34,9 +34,9 @@ def craft() -> AircraftRoles:
     return craft_of("nominal")
 
 
-def due(found: list[FaultFlags]) -> list[tuple[str, tuple[str, ...], float, float]]:
+def due(flags: list[FaultFlags]) -> list[tuple[str, tuple[str, ...], float, float]]:
     """Place, words, and from when until when [s], to a tenth."""
-    return [(d.place, d.words, round(d.from_s, 1), round(d.until_s, 1)) for one in found for d in one.expected_flags]
+    return [(d.place, d.words, round(d.from_s, 1), round(d.until_s, 1)) for one in flags for d in one.expected_flags]
 
 
 @pytest.mark.parametrize(

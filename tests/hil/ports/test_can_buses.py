@@ -129,9 +129,9 @@ async def test_a_command_goes_over_the_bus_to_the_node_and_its_answer_comes_back
         await until_async(lambda: any(unpack_can(f).can_id == 129 for f in received.frames), what="the answer")
     stop.set()
     await flying
-    found = [m for data, t in zip(received.frames, received.times, strict=True) for m in decoder.feed(data, t)]
-    ack = next(m for m in found if isinstance(m, Ack))
-    calibration = next(m for m in found if isinstance(m, Calibration))
+    measurements = [m for data, t in zip(received.frames, received.times, strict=True) for m in decoder.feed(data, t)]
+    ack = next(m for m in measurements if isinstance(m, Ack))
+    calibration = next(m for m in measurements if isinstance(m, Calibration))
     assert (ack.command, ack.accepted, ack.detail) == ("insert_point", True, "flaps: raw 900 = 5.00 deg")
     assert [p.deflection for p in calibration.points if p.raw == 900] == pytest.approx([math.radians(5)])
 
@@ -162,11 +162,11 @@ def test_beyond_its_table_a_pickup_goes_on_counting() -> None:
 
 def test_dme_ranges_are_slant_ranges_with_an_error_of_a_tenth_of_a_mile() -> None:
     """The first station stands 2500 m behind the threshold, which is 4500 m ahead at the start."""
-    made = sensor("canaerospace", rate_hz=2)
-    samples = [m for k in range(len(made.t)) for m in made.measure(k, 0) if isinstance(m, DmeRange)]
+    result = sensor("canaerospace", rate_hz=2)
+    samples = [m for k in range(len(result.t)) for m in result.measure(k, 0) if isinstance(m, DmeRange)]
     assert {m.station for m in samples} == {"dme_1", "dme_2", "dme_3", "dme_4"}
-    state = environment().state(made.t)
-    expected = np.hypot(7000.0 - 60.0 * made.t, state.alt - 500.0)
+    state = environment().state(result.t)
+    expected = np.hypot(7000.0 - 60.0 * result.t, state.alt - 500.0)
     errors = np.array([m.slant_range for m in samples if m.station == "dme_1"]) - expected
     assert abs(errors.mean()) < 300.0  # three sigma of the slow part
     assert np.diff(errors).std() / math.sqrt(2.0) == pytest.approx(15.0, rel=0.3)

@@ -46,13 +46,13 @@ class FailingBus:
 
 @pytest.fixture
 def bus(monkeypatch: pytest.MonkeyPatch) -> FailingBus:
-    made = FailingBus()
+    failing_bus = FailingBus()
 
     def make(*_: Any, **__: Any) -> FailingBus:
-        return made
+        return failing_bus
 
     monkeypatch.setattr(can, "Bus", make)
-    return made
+    return failing_bus
 
 
 async def test_a_bus_that_goes_down_is_reported_counted_and_used_again(

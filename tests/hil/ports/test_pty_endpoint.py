@@ -24,12 +24,12 @@ def mute(data: bytes) -> list[bytes]:
 
 @asynccontextmanager
 async def endpoint(place: Path, respond: Callable[[bytes], list[bytes]] = mute) -> AsyncIterator[PtyEndpoint]:
-    made = PtyEndpoint(place, respond)
-    await made.open()
+    pty_endpoint = PtyEndpoint(place, respond)
+    await pty_endpoint.open()
     try:
-        yield made
+        yield pty_endpoint
     finally:
-        made.close()
+        pty_endpoint.close()
 
 
 class Reader:

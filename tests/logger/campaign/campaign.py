@@ -152,8 +152,8 @@ class _CaseRun:
             self._outcome.faults.append(f"next start: {type(error).__name__}: {error}")
             return ""
         texts = []
-        for found in closed:
-            describe = getattr(found, "describe_loss", lambda fault=found.fault: fault or "")
+        for close_result in closed:
+            describe = getattr(close_result, "describe_loss", lambda fault=close_result.fault: fault or "")
             texts.append(describe())
         return "\n".join(texts)
 
@@ -219,18 +219,18 @@ def run_cases(
     todo: Sequence[Case], processes: int = 1, session_of: Callable[[Case], OpenSession] = generated_session
 ) -> Sum:
     """Do them all."""
-    found = Sum()
+    total = Sum()
     do = partial(run_case, session_of=session_of)
     if processes == 1:
         for case in todo:
-            found.add(do(case))
-        return found
+            total.add(do(case))
+        return total
     with ProcessPoolExecutor(processes) as pool:
         for n, outcome in enumerate(pool.map(do, todo, chunksize=10)):
-            found.add(outcome)
+            total.add(outcome)
             if n % 100 == 99:
-                print(f"{n + 1} tries, {found.failed.total()} failed", file=sys.stderr, flush=True)
-    return found
+                print(f"{n + 1} tries, {total.failed.total()} failed", file=sys.stderr, flush=True)
+    return total
 
 
 def _main() -> int:
@@ -243,13 +243,13 @@ def _main() -> int:
     parser.add_argument("--keep", type=Path, help="leave the files of one try here")
     args = parser.parse_args()
     if args.case is not None:
-        found = Sum()
-        found.add(run_case(Case(args.seed, args.case, args.only), keep=args.keep))
+        total = Sum()
+        total.add(run_case(Case(args.seed, args.case, args.only), keep=args.keep))
     else:
         todo = [c for c in cases(args.seed, FULL if args.full else QUICK) if args.only in (None, c.kind)]
-        found = run_cases(todo, args.processes)
-    print("\n".join(found.lines()))
-    return 1 if found.failures else 0
+        total = run_cases(todo, args.processes)
+    print("\n".join(total.lines()))
+    return 1 if total.failures else 0
 
 
 if __name__ == "__main__":

@@ -33,10 +33,10 @@ class Result:
     def json(self) -> dict[str, Any]:
         """The printed JSON; empty when there is none."""
         try:
-            found: dict[str, Any] = json.loads(self.out)
+            content: dict[str, Any] = json.loads(self.out)
         except ValueError:
             return {}
-        return found
+        return content
 
 
 def fti(*arguments: str | Path) -> Result:

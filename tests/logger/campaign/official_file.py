@@ -24,16 +24,16 @@ class OfficialFile:
 
 def read_officially(path: Path) -> OfficialFile:
     """Read a file with every checksum."""
-    found = OfficialFile()
+    file = OfficialFile()
     keys: dict[int, ChannelKey] = {}
     try:
         with path.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
             summary = reader.get_summary()
             if summary is None or summary.statistics is None:
-                found.fault = "no summary"
-                return found
-            found.counted = summary.statistics.message_count
+                file.fault = "no summary"
+                return file
+            file.counted = summary.statistics.message_count
             for schema, channel, message in reader.iter_messages(log_time_order=False):
                 if channel.id not in keys:
                     about = (schema.name, schema.encoding, schema.data) if schema else ("", "", b"")
@@ -41,9 +41,9 @@ def read_officially(path: Path) -> OfficialFile:
                     keys[channel.id] = (channel.topic, channel.message_encoding, table, *about)
                 key = keys[channel.id]
                 times = message.log_time, message.publish_time
-                found.messages[Content(key, message.sequence, *times, message.data)] += 1
-            found.attachments = [(a.name, a.media_type, a.data) for a in reader.iter_attachments()]
-            found.metadata = {m.name: m.metadata for m in reader.iter_metadata()}
+                file.messages[Content(key, message.sequence, *times, message.data)] += 1
+            file.attachments = [(a.name, a.media_type, a.data) for a in reader.iter_attachments()]
+            file.metadata = {m.name: m.metadata for m in reader.iter_metadata()}
     except Exception as error:  # noqa: BLE001  (whatever it is, a reader of others cannot read the file)
-        found.fault = f"{type(error).__name__}: {error}"
-    return found
+        file.fault = f"{type(error).__name__}: {error}"
+    return file

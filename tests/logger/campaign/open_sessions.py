@@ -281,12 +281,12 @@ def _run_until_killed(recorder: _Recorder, kernel: Kernel, log: RawLog, shape: S
 
 def check_written(session: OpenSession, written: list[Written]) -> None:
     """What the independent reader finds in the files is what the writer was given, from its begin on."""
-    found: list[Written] = []
+    records: list[Written] = []
     for name in sorted(session.files):
         parsed = session.parsed if name == session.open_name else parse(session.files[name])
-        found += [(m.content.channel[0], m.content.log_time, m.content.data) for m in parsed.messages]
-    frames = [entry for entry in found if entry[0].startswith(("/raw/", "/tx/")) or entry[0] == "/fti/tick"]
-    given = Counter(written[: len(frames)])
+        records += [(m.content.channel[0], m.content.log_time, m.content.data) for m in parsed.messages]
+    frames = [entry for entry in records if entry[0].startswith(("/raw/", "/tx/")) or entry[0] == "/fti/tick"]
+    counter = Counter(written[: len(frames)])
     assert not Counter(frames) - Counter(written), "the file holds what nobody wrote"
-    late = sum((given - Counter(frames)).values())
+    late = sum((counter - Counter(frames)).values())
     assert late <= 64, f"{late} frames of {len(frames)} are missing"  # those of the torn flush

@@ -206,19 +206,19 @@ class CopyCheck:
         yield from check_command(verified, (1, 3))
 
 
-def altered_others(truth: Truth, found: OfficialFile) -> list[str]:
+def altered_others(truth: Truth, file: OfficialFile) -> list[str]:
     """Names of attachments and metadata that are not as they were written."""
     original = _originals(truth.session)
-    altered = [name for name, kind, data in found.attachments if (name, kind, data) not in original.attachments]
+    altered = [name for name, kind, data in file.attachments if (name, kind, data) not in original.attachments]
     ours = ("fti.closed", "fti.recovered")
     return altered + [
-        name for name, table in found.metadata.items() if name not in ours and original.metadata.get(name) != table
+        name for name, table in file.metadata.items() if name not in ours and original.metadata.get(name) != table
     ]
 
 
 def _originals(session: OpenSession) -> OfficialFile:
     """Attachments and metadata of a session: the same in each of its files; from the records themselves."""
-    found = OfficialFile()
+    file = OfficialFile()
     for record in session.parsed.of(ATTACHMENT, METADATA):
         body = session.data[record.begin + 9 : record.end]
         if record.op == METADATA:
@@ -227,12 +227,12 @@ def _originals(session: OpenSession) -> OfficialFile:
             while at < len(body):
                 key, at = _text(body, at)
                 table[key], at = _text(body, at)
-            found.metadata[name] = table
+            file.metadata[name] = table
         else:
             name, at = _text(body, 16)
             kind, at = _text(body, at)
-            found.attachments.append((name, kind, body[at + 8 : -4]))
-    return found
+            file.attachments.append((name, kind, body[at + 8 : -4]))
+    return file
 
 
 def _text(body: bytes, at: int) -> tuple[str, int]:
@@ -285,19 +285,19 @@ class ClosingCheck:
     def _check_bytes(self, now: bytes, other_files: list[Path]) -> None:
         """Every byte is at its place, in the file beside, or zero; the head of the last chunk may be another."""
         data = self.truth.damaged.data
-        kept: dict[int, bytes] = {}
+        results: dict[int, bytes] = {}
         for path in other_files:
             begin = path.stem.rpartition(".rest-at-")[2]
             if not begin.isdigit() or not path.name.startswith(Path(self.truth.session.open_name).stem):
                 self.faults.append(f"closing: a strange file {path.name}")
                 continue
-            kept[int(begin)] = path.read_bytes()
+            results[int(begin)] = path.read_bytes()
         heads = [record.begin for record in _parse_or_none(now).of(CHUNK)][-1:]
         removed = []
         for at in differences(data, now):
             in_head = any(head <= at < head + CHUNK_HEAD_BYTES for head in heads)
             in_rest = any(
-                begin <= at < begin + len(rest) and rest[at - begin] == data[at] for begin, rest in kept.items()
+                begin <= at < begin + len(rest) and rest[at - begin] == data[at] for begin, rest in results.items()
             )
             if not (in_head or in_rest or data[at] == 0):
                 removed.append(at)
@@ -307,7 +307,7 @@ class ClosingCheck:
             lost = {message.begin for message in hit if message} & intact
             text = f"{len(removed)} bytes are missing from byte {removed[0]} on, {len(lost)} intact messages among them"
             self.faults.append(f"closing: {text}")
-        self.rest = sum(1 for m in self.truth.intact if any(b <= m.begin < b + len(r) for b, r in kept.items()))
+        self.rest = sum(1 for m in self.truth.intact if any(b <= m.begin < b + len(r) for b, r in results.items()))
 
     def _check_content(self, path: Path, now: bytes, reported: str) -> None:
         official, own = read_officially(path), _parse_or_none(now)

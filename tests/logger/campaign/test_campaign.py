@@ -30,8 +30,8 @@ def test_open_files_under_damage(scale: int) -> None:
         print(done.stdout)
         assert done.returncode == 0, done.stdout
         return
-    found = run_cases(cases(SEED, QUICK))
-    assert not found.failures, "\n".join(found.lines())
+    total = run_cases(cases(SEED, QUICK))
+    assert not total.failures, "\n".join(total.lines())
 
 
 def test_every_kind_of_damage_is_in_the_quick_campaign() -> None:

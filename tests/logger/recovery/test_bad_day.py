@@ -67,8 +67,8 @@ def test_one_flipped_length_costs_no_record(tmp_path: Path, capsys: pytest.Captu
     code, output = run(capsys, "recover", "--in-place", path.parent)
     assert code == 3 and f"{path}: is damaged" in output and path.read_bytes() == damaged
     code, output = run(capsys, "recover", path.parent, "--out", tmp_path / "copy")
-    found = read_closed(next((tmp_path / "copy").glob("*.mcap")))
-    assert code == 3 and found == read_stream(whole)  # one bit, turned back
+    messages = read_closed(next((tmp_path / "copy").glob("*.mcap")))
+    assert code == 3 and messages == read_stream(whole)  # one bit, turned back
     assert "(50 without a checksum that proves them)" in output
 
 
@@ -82,9 +82,9 @@ def test_damage_costs_the_stretch_between_two_syncs(tmp_path: Path, capsys: pyte
         at = whole.index(frame(225))
         path.write_bytes(whole[:at] + bytes(64) + whole[at + 64 :])
         code, _ = run(capsys, "recover", path.parent, "--out", folder / "copy", "--json")
-        found = read_closed(next((folder / "copy").glob("*.mcap")))
+        messages = read_closed(next((folder / "copy").glob("*.mcap")))
         original = read_stream(whole)
-        assert code == 3 and found == original[:200] + original[250:]
+        assert code == 3 and messages == original[:200] + original[250:]
 
 
 def test_a_chunk_whose_head_is_damaged_is_found_by_its_checkpoints(
@@ -96,8 +96,8 @@ def test_a_chunk_whose_head_is_damaged_is_found_by_its_checkpoints(
     head = whole.rindex(b"\x06", 0, head)
     flip(path, head + 1, 0x80)
     run(capsys, "recover", path.parent, "--out", tmp_path / "copy")
-    found = read_closed(next((tmp_path / "copy").glob("*.mcap")))
-    assert found == read_stream(whole)
+    messages = read_closed(next((tmp_path / "copy").glob("*.mcap")))
+    assert messages == read_stream(whole)
 
 
 def test_unproved_messages_are_counted_before_and_after_closing(
@@ -205,8 +205,8 @@ def test_joined_files_give_every_message_once(tmp_path: Path, capsys: pytest.Cap
         path = tmp_path / f"{name.replace(' ', '_')}_000.mcap"
         path.write_bytes(data)
         code, _ = run(capsys, "recover", path, "--out", tmp_path / name)
-        found = [message for file in sorted((tmp_path / name).glob("*.mcap")) for message in read_closed(file)]
-        assert sorted(found) == sorted(messages), name
+        results = [message for file in sorted((tmp_path / name).glob("*.mcap")) for message in read_closed(file)]
+        assert sorted(results) == sorted(messages), name
         assert code == (3 if "cut" in name else 0), name
 
 

@@ -110,8 +110,8 @@ def test_a_hole_behind_the_last_sync_costs_what_is_behind_it(tmp_path: Path) -> 
     data[begin : begin + 400] = bytes(400)
     path.write_bytes(data)
     closed = close_unfinished(path)
-    found = read_closed(path)
-    assert found == read_stream(whole)[:311] and closed
+    messages = read_closed(path)
+    assert messages == read_stream(whole)[:311] and closed
     assert (closed.unproved, closed.unproved_ns) == (11, 300)
     kept = tmp_path / f"a.rest-at-{len(data) - closed.rest_bytes}.bin"
     assert closed.rest_file == kept and bytes(data).endswith(kept.read_bytes()) and closed.rest_bytes > 900

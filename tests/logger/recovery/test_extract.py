@@ -49,11 +49,11 @@ def original(request: pytest.FixtureRequest, tmp_path: Path) -> Original:
 
 def check(original: Original, damaged: bytes, damage: Span, folder: Path) -> None:
     """Nothing invented, and all chunks that were not hit are there."""
-    found, report = recover(damaged, folder)
-    found = [m for m in found if not m[0].startswith("/recovered/")]
-    assert is_part(found, original.messages), damage
+    measurements, report = recover(damaged, folder)
+    measurements = [m for m in measurements if not m[0].startswith("/recovered/")]
+    assert is_part(measurements, original.messages), damage
     must = original.must_hold(damage)
-    assert is_part(must, found) or report.messages == len(must), damage
+    assert is_part(must, measurements) or report.messages == len(must), damage
     assert not (report.summary and report.complete) or report.messages == len(original.messages), damage
 
 

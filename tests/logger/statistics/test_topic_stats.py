@@ -38,50 +38,50 @@ def test_jitter_is_that_of_all_intervals_at_once() -> None:
 def test_a_gap_is_found_and_does_not_spoil_the_jitter() -> None:
     times = regular(50, 40)
     times = np.concatenate((times[:500], times[600:]))
-    found = intervals_of(times, piece=7)
-    assert found.gap_count == 1
-    assert found.gaps == [TimeGap(int(times[499]), 2_020_000_000)] == [found.longest]
-    assert found.gap_limit_s == pytest.approx(0.1, rel=0.03)
-    assert found.sd_s == pytest.approx(0.0, abs=1e-6)
-    assert found.p99_s == pytest.approx(0.02, abs=1e-6)
+    intervals = intervals_of(times, piece=7)
+    assert intervals.gap_count == 1
+    assert intervals.gaps == [TimeGap(int(times[499]), 2_020_000_000)] == [intervals.longest]
+    assert intervals.gap_limit_s == pytest.approx(0.1, rel=0.03)
+    assert intervals.sd_s == pytest.approx(0.0, abs=1e-6)
+    assert intervals.p99_s == pytest.approx(0.02, abs=1e-6)
 
 
 def test_bursts_are_no_gaps() -> None:
     """Twenty frames at once, ten times a second."""
     bursts = np.repeat(regular(10, 60), 20) + np.tile(np.arange(20) * 3_000, 600)
-    found = intervals_of(np.asarray(bursts, np.int64))
-    assert found.gap_count == 0
-    assert found.usual_s == pytest.approx(0.1, rel=0.01)
+    intervals = intervals_of(np.asarray(bursts, np.int64))
+    assert intervals.gap_count == 0
+    assert intervals.usual_s == pytest.approx(0.1, rel=0.01)
 
 
 def test_of_many_gaps_the_longest_are_kept_and_all_are_counted() -> None:
     lengths = np.concatenate(([0.01] * 100_000, np.linspace(1, 2, 300)))
     times = BEGIN + np.round(np.cumsum(np.random.default_rng(0).permutation(lengths)) * SECOND).astype(np.int64)
-    found = intervals_of(times, piece=8192)
-    assert found.gap_count == pytest.approx(300, abs=1)  # the first interval may be one of them
-    assert len(found.gaps) == MAX_GAPS
-    assert min(gap.length_ns for gap in found.gaps) == pytest.approx(1.334 * SECOND, rel=0.01)
-    assert found.gaps == sorted(found.gaps)
+    intervals = intervals_of(times, piece=8192)
+    assert intervals.gap_count == pytest.approx(300, abs=1)  # the first interval may be one of them
+    assert len(intervals.gaps) == MAX_GAPS
+    assert min(gap.length_ns for gap in intervals.gaps) == pytest.approx(1.334 * SECOND, rel=0.01)
+    assert intervals.gaps == sorted(intervals.gaps)
 
 
 def test_times_that_go_back_are_no_interval() -> None:
-    found = intervals_of(BEGIN + np.array([0, 10, 5, 20], np.int64) * SECOND)
-    assert found.longest == TimeGap(BEGIN, 10 * SECOND)
-    assert found.count == 3
+    intervals = intervals_of(BEGIN + np.array([0, 10, 5, 20], np.int64) * SECOND)
+    assert intervals.longest == TimeGap(BEGIN, 10 * SECOND)
+    assert intervals.count == 3
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_messages_have_no_intervals(count: int) -> None:
-    found = Intervals()
+    intervals = Intervals()
     if count:
-        found.add(np.array([BEGIN]))
-    assert (found.longest, found.usual_s, found.gap_limit_s, found.sd_s, found.p99_s) == (None,) * 5
-    assert (found.gap_count, found.gaps) == (0, [])
+        intervals.add(np.array([BEGIN]))
+    assert (intervals.longest, intervals.usual_s, intervals.gap_limit_s, intervals.sd_s, intervals.p99_s) == (None,) * 5
+    assert (intervals.gap_count, intervals.gaps) == (0, [])
 
 
 def test_messages_of_one_moment_are_no_gaps() -> None:
-    found = intervals_of(np.array([BEGIN] * 3))
-    assert (found.gap_count, found.sd_s) == (0, 0.0)
+    intervals = intervals_of(np.array([BEGIN] * 3))
+    assert (intervals.gap_count, intervals.sd_s) == (0, 0.0)
 
 
 # ------------------------------------------------------------------------------------------------------- activity

@@ -85,8 +85,8 @@ def once(parent: Path, **keys: Any) -> VerifyReport:
 
 def check(report: VerifyReport, name: str) -> tuple[CheckVerdict, list[str]]:
     """Verdict and sentences of one check."""
-    found = next(c for c in report.checks if c.name == name)
-    return found.verdict, [text for _, text in found.lines]
+    result = next(c for c in report.checks if c.name == name)
+    return result.verdict, [text for _, text in result.lines]
 
 
 # ------------------------------------------------------------------------------------------------------- what holds

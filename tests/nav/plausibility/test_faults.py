@@ -32,12 +32,12 @@ METRE = 1.0 / 6_367_000.0
 
 def frozen(begin: float, end: float = math.inf) -> Change:
     """Position and velocity are those of the begin, with fresh time."""
-    held: dict[type, Measurement] = {}
+    measurements: dict[type, Measurement] = {}
 
     def change(t: float, m: Measurement) -> Measurement:
         if not begin <= t < end:
             return m
-        return replace(held.setdefault(type(m), m), stamp=m.stamp)
+        return replace(measurements.setdefault(type(m), m), stamp=m.stamp)
 
     return change
 
@@ -269,15 +269,15 @@ def test_a_step_to_a_pole_is_a_step(lat_deg: float) -> None:
 def beside_the_pole(seconds: int, speed: float = 300.0, distance: float = 20_000.0) -> list[tuple[int, Measurement]]:
     """A straight flight on the plane that touches the Earth at the north pole, once a second."""
     radius = 6_399_594.0
-    found: list[tuple[int, Measurement]] = []
+    rows: list[tuple[int, Measurement]] = []
     for k in range(seconds):
         x, y = speed * (k - seconds / 2.0), distance
         far, t_ns = math.hypot(x, y), T0 + k * 1_000_000_000
         lat, lon = math.pi / 2.0 - far / radius, math.atan2(y, x)
         north, east = -speed * x / far, -speed * y / far
-        found.append((t_ns, Velocity(stamp=Stamp(t_ns), north=north, east=east, down=0.0, sd=0.1)))
-        found.append((t_ns, Position(stamp=Stamp(t_ns), lat=lat, lon=lon, alt=9000.0, horizontal_sd=2.0)))
-    return found
+        rows.append((t_ns, Velocity(stamp=Stamp(t_ns), north=north, east=east, down=0.0, sd=0.1)))
+        rows.append((t_ns, Position(stamp=Stamp(t_ns), lat=lat, lon=lon, alt=9000.0, horizontal_sd=2.0)))
+    return rows
 
 
 def test_a_flight_past_a_pole_is_sound() -> None:

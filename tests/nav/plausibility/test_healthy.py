@@ -45,13 +45,13 @@ def test_a_receiver_that_holds_its_place_on_the_ground() -> None:
     speed = np.clip((np.arange(n) / 20.0 - 300.0) * 0.5, 0.0, 8.0)
     velocity = np.stack([speed, np.zeros(n), np.zeros(n)], axis=1)
     truth = Truth(np.cumsum(velocity, axis=0) / 20.0, velocity)
-    held: dict[type, Measurement] = {}
+    measurements: dict[type, Measurement] = {}
 
     def change(t: float, m: Measurement) -> Measurement:
         if t >= 300.0:
             return m
         still = replace(m, north=0.0, east=0.0, down=0.0) if isinstance(m, Velocity) else m
-        return replace(held.setdefault(type(m), still), stamp=m.stamp)
+        return replace(measurements.setdefault(type(m), still), stamp=m.stamp)
 
     assert simulate(change, receiver=UBX10, truth=truth).events == []
 

@@ -69,11 +69,11 @@ def capture() -> list[Measurement]:
 
 def test_ranges_of_a_real_receiver_give_its_own_position() -> None:
     """Within 3 m on the level and 5 m in height, in all 17 epochs; the receiver uses GLONASS and smooths."""
-    found = capture()
-    known = [m for m in found if isinstance(m, Ephemeris)]
-    stated = {m.stamp.t_dev_ns: m for m in found if isinstance(m, Position) and m.valid}
+    measurements = capture()
+    known = [m for m in measurements if isinstance(m, Ephemeris)]
+    stated = {m.stamp.t_dev_ns: m for m in measurements if isinstance(m, Position) and m.valid}
     sizes = []
-    for m in found:
+    for m in measurements:
         if isinstance(m, Pseudoranges):
             solution, fix = solved(m, known), stated[m.stamp.t_dev_ns]
             assert solution is not None
@@ -91,10 +91,10 @@ def test_ranges_of_a_real_receiver_give_its_own_position() -> None:
 @pytest.mark.parametrize("number", [3, 13, 19])
 def test_a_wrong_range_of_a_real_receiver_is_identified(number: int) -> None:
     """300 m on one of nine; the position without it is the receiver's own within 10 m."""
-    found = capture()
-    epoch = next(m for m in found if isinstance(m, Pseudoranges))
-    fix = next(m for m in found if isinstance(m, Position) and m.valid)
-    solution = solved(changed(epoch, number, 300.0), [m for m in found if isinstance(m, Ephemeris)])
+    measurements = capture()
+    epoch = next(m for m in measurements if isinstance(m, Pseudoranges))
+    fix = next(m for m in measurements if isinstance(m, Position) and m.valid)
+    solution = solved(changed(epoch, number, 300.0), [m for m in measurements if isinstance(m, Ephemeris)])
     assert solution is not None
     assert solution.ratio > 1.0
     assert solution.explanations[0].left_out == number
@@ -181,19 +181,19 @@ def test_five_ranges_detect_and_do_not_identify() -> None:
     sky = Sky(lat=0.8, lon=0.2, alt=500.0, t=TOE)
     m = observe(sky, np.random.default_rng(4))
     five = replace(m, observations=tuple(sorted(m.observations, key=lambda o: o.pseudorange or 0.0)[:5]))
-    found = solved(changed(five, five.observations[0].number, 5000.0), ephemerides())
-    assert found is not None
-    assert (found.used, found.explanations) == (5, ())
+    range_solution = solved(changed(five, five.observations[0].number, 5000.0), ephemerides())
+    assert range_solution is not None
+    assert (range_solution.used, range_solution.explanations) == (5, ())
     assert solved(replace(m, observations=five.observations[:4]), ephemerides()) is None
 
 
 def test_two_wrong_ranges_have_no_explanation() -> None:
     m = observe(Sky(lat=0.8, lon=0.2, alt=500.0, t=TOE), np.random.default_rng(5))
     first, second = m.observations[0].number, m.observations[2].number
-    found = solved(changed(changed(m, first, 900.0), second, -1300.0), ephemerides())
-    assert found is not None
-    assert found.ratio > 1.0
-    assert found.explanations == ()
+    range_solution = solved(changed(changed(m, first, 900.0), second, -1300.0), ephemerides())
+    assert range_solution is not None
+    assert range_solution.ratio > 1.0
+    assert range_solution.explanations == ()
 
 
 # ----------------------------------------------------------------------------------------------- flights of a receiver
@@ -285,8 +285,8 @@ def test_a_real_receiver_is_refused_when_it_states_another_place(metres: float) 
             fix = moved(metres, 0.0)(0.0, replace(m, stamp=replace(m.stamp, t_rx_ns=t_ns)))
             assert isinstance(fix, Position)
             texts += [event.text for event in tests.feed_position(fix, t_ns)[1]]
-    found = [text for text in texts if "ranges_contradict: 7 pseudoranges give a position 1" in text]
-    assert len(found) == len(texts) == (1 if metres else 0)
+    results = [text for text in texts if "ranges_contradict: 7 pseudoranges give a position 1" in text]
+    assert len(results) == len(texts) == (1 if metres else 0)
 
 
 def test_a_position_that_was_wrong_from_the_start_is_refused() -> None:

@@ -66,5 +66,5 @@ def test_one_beyond_its_level_fails_from_a_second_of_the_fault_on(
 
     session = copy_session(recorded, tmp_path)
     rewrite(file_of(session, DERIVED), narrowed)
-    found = results(score_of(scenario, session), OutputCheck.PROTECTED)
-    assert [what for what, result in found.items() if result is not Result.HOLDS] == ([wrong] if wrong else [])
+    rows = results(score_of(scenario, session), OutputCheck.PROTECTED)
+    assert [what for what, result in rows.items() if result is not Result.HOLDS] == ([wrong] if wrong else [])

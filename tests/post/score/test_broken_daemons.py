@@ -169,15 +169,15 @@ def test_a_whole_daemon_holds(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def broken(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Break], Score]:
     """The score of a daemon that is broken so; each is flown once."""
-    found: dict[Break, Score] = {}
+    results: dict[Break, Score] = {}
 
     def fly(breaks: Break) -> Score:
-        if breaks not in found:
+        if breaks not in results:
             flight = short_scenario()
             with pytest.MonkeyPatch.context() as patch:
                 breaks(patch)
                 session = session_of(flight, tmp_path_factory.mktemp("broken"))
-            found[breaks] = score_of(flight, session)
-        return found[breaks]
+            results[breaks] = score_of(flight, session)
+        return results[breaks]
 
     return fly

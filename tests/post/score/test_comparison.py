@@ -43,10 +43,10 @@ def flight_truth(end_s: float = 40.0, *pauses: FlightPause, bank_s: tuple[float,
 
 
 def observe(*statements: tuple[float, str, Words]) -> ObservedFlags:
-    found = ObservedFlags()
+    observed_flags = ObservedFlags()
     for t, place, words in statements:
-        found.feed(t, place, words)
-    return found
+        observed_flags.feed(t, place, words)
+    return observed_flags
 
 
 @pytest.fixture
@@ -64,41 +64,41 @@ def score(
     return score_flight(short_scenario(faults), setup, flight or flight_truth(), observed)
 
 
-def height_result(found: Score) -> Result:
-    return next(row.result for row in found.rows if row.flag == f"{HEIGHT} stale")
+def height_result(result: Score) -> Result:
+    return next(row.result for row in result.rows if row.flag == f"{HEIGHT} stale")
 
 
 def test_a_flag_in_time_and_gone_in_time_is_found(setup: Setup) -> None:
-    found = score(setup, observe((20.6, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
-    (row,) = found.rows
-    assert found.holds
+    result = score(setup, observe((20.6, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
+    (row,) = result.rows
+    assert result.holds
     assert row.result is Result.FOUND
     assert (row.after_s, row.clear_s) == pytest.approx((0.6, 0.1))
 
 
 def test_nothing_reported_is_a_miss(setup: Setup) -> None:
-    found = score(setup, observe())
-    assert not found.holds
-    assert height_result(found) is Result.MISSING
+    result = score(setup, observe())
+    assert not result.holds
+    assert height_result(result) is Result.MISSING
 
 
 def test_a_flag_of_another_place_is_a_miss_and_not_expected(setup: Setup) -> None:
     other = "/nav/height_above_ground/laser"
-    found = score(setup, observe((20.6, other, STALE), (23.1, other, NOTHING)))
-    assert height_result(found) is Result.MISSING
-    assert [one.place for one in found.unexpected] == [other]
+    result = score(setup, observe((20.6, other, STALE), (23.1, other, NOTHING)))
+    assert height_result(result) is Result.MISSING
+    assert [one.place for one in result.unexpected] == [other]
 
 
 def test_a_flag_after_its_time_is_late(setup: Setup) -> None:
-    found = score(setup, observe((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
-    assert height_result(found) is Result.LATE
-    assert not found.holds
+    result = score(setup, observe((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
+    assert height_result(result) is Result.LATE
+    assert not result.holds
 
 
 def test_a_flag_that_stays_does_not_clear_and_is_not_expected(setup: Setup) -> None:
-    found = score(setup, observe((20.6, HEIGHT, STALE)))
-    assert height_result(found) is Result.STAYS
-    (rest,) = found.unexpected
+    result = score(setup, observe((20.6, HEIGHT, STALE)))
+    assert height_result(result) is Result.STAYS
+    (rest,) = result.unexpected
     assert (rest.word, rest.until_s) == ("stale", float("inf"))
     assert rest.from_s > 24.0
 
@@ -111,9 +111,9 @@ def test_a_flag_that_the_next_fault_raises_goes_with_that(setup: Setup) -> None:
 
 
 def test_a_flag_without_a_cause_is_not_expected(setup: Setup) -> None:
-    found = score(setup, observe((12.0, HEIGHT, STALE), (12.5, HEIGHT, NOTHING)), faults=())
-    assert not found.holds
-    assert [(one.from_s, one.until_s) for one in found.unexpected] == [(12.0, 12.5)]
+    result = score(setup, observe((12.0, HEIGHT, STALE), (12.5, HEIGHT, NOTHING)), faults=())
+    assert not result.holds
+    assert [(one.from_s, one.until_s) for one in result.unexpected] == [(12.0, 12.5)]
 
 
 def test_what_the_flight_explains_is_expected(setup: Setup) -> None:
@@ -185,16 +185,16 @@ def test_a_fault_does_not_explain_what_only_has_a_name_like_its_device(setup: Se
 
 def test_a_warning_without_a_cause_is_not_expected(setup: Setup) -> None:
     event = frozenset({"failed and goes on"})
-    found = score(
+    result = score(
         setup, observe((12.0, "/fti/event/pipeline", event), (12.0, "/fti/event/pipeline", NOTHING)), faults=()
     )
-    assert [one.word for one in found.unexpected] == ["failed and goes on"]
+    assert [one.word for one in result.unexpected] == ["failed and goes on"]
 
 
 def test_what_was_not_flown_is_not_scored(setup: Setup) -> None:
-    found = score(setup, observe(), flight_truth(20.5))
-    assert found.holds
-    assert height_result(found) is Result.NOT_FLOWN
+    result = score(setup, observe(), flight_truth(20.5))
+    assert result.holds
+    assert height_result(result) is Result.NOT_FLOWN
 
 
 def test_a_pause_of_the_machine_is_allowed_for(setup: Setup) -> None:
@@ -220,10 +220,10 @@ def test_so_long_after_a_pause_flags_are_not_scored(setup: Setup, place: str, wo
 
 
 def test_a_miss_in_a_pause_is_reported_as_such_and_shows_nothing(setup: Setup) -> None:
-    found = score(setup, observe(), flight_truth(40.0, FlightPause(20.0, 22.0)))
-    assert height_result(found) is Result.LATE_BENCH
-    assert found.outcome is FlightOutcome.INCONCLUSIVE
-    assert as_text(found)[-1].startswith("inconclusive: 0 of 0")
+    result = score(setup, observe(), flight_truth(40.0, FlightPause(20.0, 22.0)))
+    assert height_result(result) is Result.LATE_BENCH
+    assert result.outcome is FlightOutcome.INCONCLUSIVE
+    assert as_text(result)[-1].startswith("inconclusive: 0 of 0")
 
 
 def test_a_pause_behind_the_time_of_a_flag_explains_nothing(setup: Setup) -> None:
@@ -253,10 +253,10 @@ def test_a_pause_before_the_end_of_a_cause_explains_that_its_flag_stays(setup: S
 
 def test_what_nobody_knows_yet_is_reported(setup: Setup) -> None:
     stuck = {"kind": "stuck", "devices": ("altimeter",), "from_s": 20.0, "to_s": 23.0}
-    found = score(setup, observe(), faults=(stuck,))
-    assert found.holds
-    assert [row.result for row in found.rows] == [Result.UNKNOWN]
-    assert "not known yet" in "\n".join(as_text(found))
+    result = score(setup, observe(), faults=(stuck,))
+    assert result.holds
+    assert [row.result for row in result.rows] == [Result.UNKNOWN]
+    assert "not known yet" in "\n".join(as_text(result))
 
 
 @pytest.mark.parametrize(
@@ -322,8 +322,8 @@ def test_the_start_ends_a_window_after_navigation_began_or_had_to(
     health, wrong = "/fti/health/devices/spare", frozenset({"wrong rate"})
     observed = observe((11.5, health, wrong), (12.5, health, NOTHING), (20.0, health, wrong), (21.0, health, NOTHING))
     observed.first_report_s = first_report_s
-    found = score(setup, observed, replace(flight_truth(), real_time=real_time), faults=())
-    assert [one.from_s for one in found.unexpected] == ([11.5, 20.0] if unexpected else [20.0])
+    result = score(setup, observed, replace(flight_truth(), real_time=real_time), faults=())
+    assert [one.from_s for one in result.unexpected] == ([11.5, 20.0] if unexpected else [20.0])
 
 
 def test_what_is_reported_while_the_daemon_waits_for_the_flight_is_not_scored(setup: Setup) -> None:
@@ -365,16 +365,16 @@ def test_a_required_flag_in_the_start_is_not_scored_and_a_later_one_is(
 def test_a_unit_that_begins_too_late_fails(setup: Setup, first_report_s: float, real_time: bool, holds: bool) -> None:
     observed = observe()
     observed.first_report_s = first_report_s
-    found = score(setup, observed, replace(flight_truth(), real_time=real_time), faults=())
-    assert found.outcome is (FlightOutcome.HOLDS if holds else FlightOutcome.FAILED)
+    result = score(setup, observed, replace(flight_truth(), real_time=real_time), faults=())
+    assert result.outcome is (FlightOutcome.HOLDS if holds else FlightOutcome.FAILED)
 
 
 def test_a_navigation_that_never_begins_fails(setup: Setup) -> None:
     observed = observe()
     observed.first_report_s = math.inf
-    found = score(setup, observed, faults=())
-    assert found.outcome is FlightOutcome.FAILED
-    assert "no report of navigation" in as_text(found)[-1]
+    result = score(setup, observed, faults=())
+    assert result.outcome is FlightOutcome.FAILED
+    assert "no report of navigation" in as_text(result)[-1]
 
 
 @pytest.mark.parametrize(("behind_s", "holds"), [(7.9, True), (8.1, False), (40.0, False)])
@@ -445,10 +445,10 @@ def test_a_bench_that_is_late_for_too_much_proves_nothing(
 
 
 def test_a_miss_is_a_miss_however_late_the_bench_was_elsewhere(setup: Setup) -> None:
-    found = score(setup, observe(), flight_truth(40.0, FlightPause(26.0, 39.0)))
-    assert height_result(found) is Result.MISSING
-    assert found.outcome is FlightOutcome.FAILED
-    assert found.bench.result is Result.LATE_BENCH
+    result = score(setup, observe(), flight_truth(40.0, FlightPause(26.0, 39.0)))
+    assert height_result(result) is Result.MISSING
+    assert result.outcome is FlightOutcome.FAILED
+    assert result.bench.result is Result.LATE_BENCH
 
 
 def test_a_flight_in_which_nothing_is_scored_proves_nothing(setup: Setup) -> None:
@@ -457,18 +457,18 @@ def test_a_flight_in_which_nothing_is_scored_proves_nothing(setup: Setup) -> Non
 
 
 def test_the_lateness_of_the_bench_is_reported(setup: Setup) -> None:
-    found = score(setup, observe(), flight_truth(40.0, FlightPause(10.0, 11.0), FlightPause(15.0, 18.0)), faults=())
-    content = as_json(found)["excused"]
+    result = score(setup, observe(), flight_truth(40.0, FlightPause(10.0, 11.0), FlightPause(15.0, 18.0)), faults=())
+    content = as_json(result)["excused"]
     assert (content["share"], content["number"], content["longest_s"]) == (pytest.approx(0.1), 2, 3.0)
-    assert "late 2 times, at most 3.00 s, in total 10.0% of the flight" in "\n".join(as_text(found))
+    assert "late 2 times, at most 3.00 s, in total 10.0% of the flight" in "\n".join(as_text(result))
 
 
 def test_when_navigation_began_is_reported(setup: Setup) -> None:
     observed = observe()
     observed.first_report_s = 12.3
-    found = score(setup, observed, faults=())
-    assert "first report of navigation after 12.3 s" in "\n".join(as_text(found))
-    assert as_json(found)["began_s"] == 12.3
+    result = score(setup, observed, faults=())
+    assert "first report of navigation after 12.3 s" in "\n".join(as_text(result))
+    assert as_json(result)["began_s"] == 12.3
 
 
 @pytest.mark.parametrize(("last_report_s", "holds"), [(39.0, True), (35.5, True), (24.0, False)])
@@ -477,6 +477,6 @@ def test_a_navigation_that_is_gone_when_the_flight_ends_fails(setup: Setup, last
     observed = observe()
     observed.last_report_s = last_report_s
     observed.lag_intervals.append(FlightPause(last_report_s, 40.0))
-    found = score(setup, observed, faults=())
-    assert found.holds is holds
-    assert ("no report of navigation in the last 16 s" in as_text(found)[-1]) is not holds
+    result = score(setup, observed, faults=())
+    assert result.holds is holds
+    assert ("no report of navigation in the last 16 s" in as_text(result)[-1]) is not holds

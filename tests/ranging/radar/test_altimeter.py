@@ -94,27 +94,27 @@ def test_the_direction_is_that_of_the_ray_which_makes_the_edge() -> None:
 
 def test_rays_farther_off_spread_the_ranges() -> None:
     """Dispersion of level ground under a cos^q beam: power falls as cos^n with n = 2 m + q + 1, ranges are h / cos."""
-    found = along(RadarAltimeter(NARROW, 40), 300.0)
+    returns = along(RadarAltimeter(NARROW, 40), 300.0)
     m, n = (np.log(0.5) / np.log(np.cos(np.radians(15.0))) * k for k in (1.0, 2.0))
     c = np.linspace(np.cos(np.radians(70.0)), 1.0, 20001)
     weight, ranges = c ** (n + 3.0), 300.0 / c
     mean = np.average(ranges, weights=weight)
     assert m > 19.0
-    assert found.dispersion[0] == pytest.approx(np.sqrt(np.average((ranges - mean) ** 2, weights=weight)), rel=0.03)
+    assert returns.dispersion[0] == pytest.approx(np.sqrt(np.average((ranges - mean) ** 2, weights=weight)), rel=0.03)
 
 
 # ----------------------------------------------------------------------------------------------- what it does not tell
 
 
 def test_nothing_is_reported_beyond_the_limits() -> None:
-    found = along(RadarAltimeter(min_range=50.0, max_range=500.0), [30.0, 60.0, 499.0, 502.0, 900.0])
-    assert found.validity.tolist() == [
+    returns = along(RadarAltimeter(min_range=50.0, max_range=500.0), [30.0, 60.0, 499.0, 502.0, 900.0])
+    assert returns.validity.tolist() == [
         Validity.TOO_NEAR, Validity.VALID, Validity.VALID, Validity.TOO_FAR, Validity.NO_RETURN,
     ]  # fmt: skip
-    np.testing.assert_array_equal(np.isfinite(found.slant_range), found.valid)
-    np.testing.assert_array_equal(np.isfinite(found.direction_s).all(axis=1), found.valid)
-    np.testing.assert_array_equal(np.isfinite(found.dispersion), found.valid)
-    assert np.isnan(found.power).tolist() == [False, False, False, False, True]
+    np.testing.assert_array_equal(np.isfinite(returns.slant_range), returns.valid)
+    np.testing.assert_array_equal(np.isfinite(returns.direction_s).all(axis=1), returns.valid)
+    np.testing.assert_array_equal(np.isfinite(returns.dispersion), returns.valid)
+    assert np.isnan(returns.power).tolist() == [False, False, False, False, True]
 
 
 def test_on_the_ground_it_is_too_near() -> None:
@@ -122,14 +122,14 @@ def test_on_the_ground_it_is_too_near() -> None:
 
 
 def test_looking_up_there_is_no_return() -> None:
-    found = along(RadarAltimeter(NARROW), 300.0, np.pi)
-    assert found.validity.tolist() == [Validity.NO_RETURN]
+    returns = along(RadarAltimeter(NARROW), 300.0, np.pi)
+    assert returns.validity.tolist() == [Validity.NO_RETURN]
 
 
 def test_no_poses_no_returns() -> None:
-    found = along(RadarAltimeter(), np.empty(0))
-    assert found.slant_range.shape == (0,)
-    assert found.direction_s.shape == (0, 3)
+    returns = along(RadarAltimeter(), np.empty(0))
+    assert returns.slant_range.shape == (0,)
+    assert returns.direction_s.shape == (0, 3)
 
 
 def with_hole(east: slice, north: slice) -> Terrain:
@@ -244,8 +244,8 @@ def test_the_whole_chain_finds_the_heights_of_the_receivers(coherent: bool) -> N
     heights = wave.range_of_beat([2.598e6, 4.0e6])
     np.testing.assert_allclose(heights, [129.816, 199.862], atol=0.02)
     pencil = cosine_antenna(float(np.radians(1.0)), float(np.radians(1.0)))
-    found = along(RadarAltimeter(pencil, 40, coherent=coherent), heights).slant_range
-    np.testing.assert_allclose(found, heights, atol=0.5 * BIN)
+    values = along(RadarAltimeter(pencil, 40, coherent=coherent), heights).slant_range
+    np.testing.assert_allclose(values, heights, atol=0.5 * BIN)
 
 
 def test_incoherent_spectrum_is_the_mean_of_random_phases(scale: int) -> None:
@@ -282,8 +282,8 @@ def test_scatter_of_the_edge_falls_with_the_rays(scale: int) -> None:
     domes = 24 * scale
     scatter = []
     for order in (12, 20, 40):
-        found = [RadarAltimeter(order=order, turn=random_turn(rng)).measure(terrain, where) for _ in range(domes)]
-        scatter.append(float(np.std([one.slant_range[0] for one in found])))
+        returns = [RadarAltimeter(order=order, turn=random_turn(rng)).measure(terrain, where) for _ in range(domes)]
+        scatter.append(float(np.std([one.slant_range[0] for one in returns])))
     assert scatter[0] > 1.2 * scatter[2]
     if scale > 1:
         assert scatter[0] > scatter[1] > scatter[2]

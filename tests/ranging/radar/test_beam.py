@@ -95,10 +95,10 @@ def test_power_depends_on_the_angle_to_the_ground_not_to_the_vertical() -> None:
 def test_constant_gamma_does_not_see_the_incidence() -> None:
     """q = 1: the patch grows as much as its cross section falls, so P is G^2 d_omega / d^2 alone."""
     beam = uncut(WIDE, 12, -40.0)
-    found = trace_beam(FLAT, looking(200.0, roll=0.5), beam, Backscatter(0.0, 1.0), 5e3)
+    beam_echoes = trace_beam(FLAT, looking(200.0, roll=0.5), beam, Backscatter(0.0, 1.0), 5e3)
     np.testing.assert_allclose(
-        found.powers[0] * found.ranges[0] ** 2,
-        np.where(found.outcomes[0] == RayOutcome.HIT, beam.weights, np.nan),
+        beam_echoes.powers[0] * beam_echoes.ranges[0] ** 2,
+        np.where(beam_echoes.outcomes[0] == RayOutcome.HIT, beam.weights, np.nan),
         rtol=1e-12,
     )
 
@@ -120,12 +120,12 @@ def test_rate_of_the_range_is_the_closing_speed_with_its_sign() -> None:
 
 
 def test_a_ray_that_meets_nothing_has_no_range_and_no_power() -> None:
-    found = trace_beam(FLAT, looking(300.0), uncut(WIDE, 12), Backscatter(), 400.0)
-    lost = found.outcomes[0] != RayOutcome.HIT
+    beam_echoes = trace_beam(FLAT, looking(300.0), uncut(WIDE, 12), Backscatter(), 400.0)
+    lost = beam_echoes.outcomes[0] != RayOutcome.HIT
     assert 0 < np.count_nonzero(lost) < lost.size
-    np.testing.assert_array_equal(np.isnan(found.ranges[0]), lost)
-    np.testing.assert_array_equal(found.powers[0] == 0.0, lost)
-    assert np.nanmax(found.ranges) <= 400.0
+    np.testing.assert_array_equal(np.isnan(beam_echoes.ranges[0]), lost)
+    np.testing.assert_array_equal(beam_echoes.powers[0] == 0.0, lost)
+    assert np.nanmax(beam_echoes.ranges) <= 400.0
 
 
 def test_the_rim_of_a_hole_returns_a_number() -> None:
@@ -135,9 +135,9 @@ def test_the_rim_of_a_hole_returns_a_number() -> None:
     terrain = Terrain.from_array(heights, 25.0, east0=-500.0, north0=-500.0)
     to_rim = np.stack((np.full(400, 75.0), np.linspace(-300.0, 300.0, 400), np.full(400, -50.0)), axis=-1)
     beam = Beam(to_rim / np.linalg.norm(to_rim, axis=-1, keepdims=True), np.ones(400))
-    found = trace_beam(terrain, Poses.stationary([[0.0, 0.0, 50.0]], np.eye(3)[None]), beam, Backscatter(), 500.0)
-    assert {RayOutcome.HIT, RayOutcome.HOLE} == set(found.outcomes[0].tolist())
-    assert np.isfinite(found.powers).all()
+    beam_echoes = trace_beam(terrain, Poses.stationary([[0.0, 0.0, 50.0]], np.eye(3)[None]), beam, Backscatter(), 500.0)
+    assert {RayOutcome.HIT, RayOutcome.HOLE} == set(beam_echoes.outcomes[0].tolist())
+    assert np.isfinite(beam_echoes.powers).all()
 
 
 def test_range_bins_are_the_incoherent_spectrum() -> None:
@@ -147,20 +147,20 @@ def test_range_bins_are_the_incoherent_spectrum() -> None:
     ranges, powers = rng.uniform(0.0, 400.0, (3, 300)), rng.exponential(1e-9, (3, 300))
     ranges[0, 0], ranges[1, 1], ranges[2, 2], ranges[2, 3] = np.nan, 1e4, -1.0, 37.0 * WAVE.range_bin
     ranges[1, :3] = (baseband.n_bin + np.array([-0.8, -0.3, 0.2])) * WAVE.range_bin  # the last bin, and just beyond
-    found = range_bins(ranges, powers, WAVE.range_bin, baseband.n_bin)
+    values = range_bins(ranges, powers, WAVE.range_bin, baseband.n_bin)
     real = np.where(ranges < 0.0, np.nan, ranges)  # a Doppler shift may put a ray there; it is left out
     expected = np.stack([baseband.incoherent(r, p) for r, p in zip(real, powers, strict=True)])
-    assert found.shape == expected.shape
+    assert values.shape == expected.shape
     for level_db, error_db in ((-20.0, 0.02), (-40.0, 0.1)):
         strong = expected > 10.0 ** (level_db / 10.0) * expected.max()
-        assert np.abs(10.0 * np.log10(found[strong] / expected[strong])).max() < error_db
-    np.testing.assert_allclose(found, expected, atol=1e-3 * expected.max())
+        assert np.abs(10.0 * np.log10(values[strong] / expected[strong])).max() < error_db
+    np.testing.assert_allclose(values, expected, atol=1e-3 * expected.max())
 
 
 def test_bins_hold_the_power_of_the_rays() -> None:
     """A Hann window spreads a ray over 1.5 bins; whatever lies beyond the last bin is left out."""
-    found = range_bins(np.array([[100.0, 100.2, 399.9, 400.1]]), np.array([[2.0, 3.0, 0.0, 5.0]]), 0.5, 800)
-    assert found.sum() == pytest.approx(1.5 * 5.0, rel=1e-4)
+    values = range_bins(np.array([[100.0, 100.2, 399.9, 400.1]]), np.array([[2.0, 3.0, 0.0, 5.0]]), 0.5, 800)
+    assert values.sum() == pytest.approx(1.5 * 5.0, rel=1e-4)
 
 
 @pytest.mark.parametrize("exponent", [0.9, np.nan])

@@ -75,8 +75,8 @@ def test_the_whole_chain_finds_the_ranges_of_the_source(
 ) -> None:
     base = base_of(scale)
     spectrum = kind(base).coherent(base.waveform.range_of_beat(beat), 1e-9)
-    found = float(base.waveform.range_of_bin(LeadingEdge().find(spectrum[None]).position)[0])
-    assert found == pytest.approx(expected, abs=0.1 * base.waveform.range_bin)  # half a bin is asked for
+    value = float(base.waveform.range_of_bin(LeadingEdge().find(spectrum[None]).position)[0])
+    assert value == pytest.approx(expected, abs=0.1 * base.waveform.range_bin)  # half a bin is asked for
 
 
 def test_three_chains_give_one_edge(scale: int) -> None:
@@ -96,8 +96,8 @@ def test_received_is_the_sum_of_delayed_transmissions() -> None:
     t = np.arange(-3000, 60_000) / 17.4e9  # over the beginning of a ramp
     turned = wave.phase(t - delay_of_range(ranges)[:, None]) + phases[:, None]
     expected = np.sqrt(powers) @ np.cos(turned)
-    found = received_signal(wave, t, np.append(ranges, np.nan), np.append(powers, 1.0), np.append(phases, 0.0))
-    assert np.max(np.abs(found - expected)) < 1e-7  # 4e4 cycles
+    values = received_signal(wave, t, np.append(ranges, np.nan), np.append(powers, 1.0), np.append(phases, 0.0))
+    assert np.max(np.abs(values - expected)) < 1e-7  # 4e4 cycles
 
 
 def test_beat_signal_is_the_basebands_away_from_the_slip() -> None:

@@ -92,10 +92,10 @@ def stepped(y: Array, force_b: Array, rate_b: Array, step_s: float) -> Array:
 def integrate(trajectory: Trajectory, end_s: float, step_s: float) -> Array:
     """The state at the end, from ideal samples."""
     count = round(end_s / step_s)
-    found = ideal_samples(trajectory.at(np.arange(2.0 * count + 1.0) * np.float64(0.5 * step_s)))
+    inertial_samples = ideal_samples(trajectory.at(np.arange(2.0 * count + 1.0) * np.float64(0.5 * step_s)))
     y = initial(trajectory)
     for k in range(0, 2 * count, 2):
-        y = stepped(y, found.accel_b[k : k + 3], found.gyro_b[k : k + 3], step_s)
+        y = stepped(y, inertial_samples.accel_b[k : k + 3], inertial_samples.gyro_b[k : k + 3], step_s)
     return y
 
 
@@ -153,11 +153,11 @@ def test_a_bias_of_an_accelerometer_makes_a_schuler_oscillation() -> None:
 def distances_with_held_height(trajectory: Trajectory, end_s: float, step_s: float, bias_b: Array) -> list[float]:
     """Horizontal distance from the truth; the height is held at the true one, for alone it diverges."""
     count = round(end_s / step_s)
-    found = ideal_samples(trajectory.at(np.arange(2.0 * count + 1.0) * np.float64(0.5 * step_s)))
+    inertial_samples = ideal_samples(trajectory.at(np.arange(2.0 * count + 1.0) * np.float64(0.5 * step_s)))
     truth = trajectory.at(np.arange(count + 1.0) * np.float64(step_s))
-    force, y, distances = found.accel_b + bias_b, initial(trajectory), []
+    force, y, distances = inertial_samples.accel_b + bias_b, initial(trajectory), []
     for k in range(count):
-        y = stepped(y, force[2 * k : 2 * k + 3], found.gyro_b[2 * k : 2 * k + 3], step_s)
+        y = stepped(y, force[2 * k : 2 * k + 3], inertial_samples.gyro_b[2 * k : 2 * k + 3], step_s)
         true = ecef(truth.lat[k + 1], truth.lon[k + 1], truth.alt[k + 1])
         up = true / np.linalg.norm(true)
         direction = y[:3] / np.linalg.norm(y[:3])

@@ -96,7 +96,7 @@ def _sigma(
     beyond = error > limits.sigmas * sd
     share, ratio = float(np.mean(beyond)), _rms_ratio(error, sd)
     high = min(float(np.quantile(quantity.sd[mask], SIGMA_QUANTILE)) if mask.any() else 0.0 for mask in (stated, sharp))
-    found = (
+    text = (
         f"{share:.1%} beyond {limits.sigmas:g} sigma, RMS {ratio:.2f} sigma, "
         f"{SIGMA_QUANTILE:.0%} of sigmas <= {high:.3g} {quantity.unit}"
     )
@@ -110,7 +110,7 @@ def _sigma(
     )
     at = float(t[stated][int(np.argmax(beyond))]) if beyond.any() else None
     return OutputRow(
-        topic, OutputCheck.SIGMA, quantity.name, result if is_compared else Result.NOT_COMPARED, found, limit, at
+        topic, OutputCheck.SIGMA, quantity.name, result if is_compared else Result.NOT_COMPARED, text, limit, at
     )
 
 

@@ -98,10 +98,10 @@ class Consistency:
             return
         fits = _fits_state if topic == INTEGRITY else _has_reason if topic in FILTERS else _has_reason_if_not_valid
         wrong = [i for i, row in enumerate(rows) if not fits(row)]
-        found = f"{len(wrong)} messages differ" if wrong else "consistent"
+        text = f"{len(wrong)} messages differ" if wrong else "consistent"
         at_s = float(self._t[wrong[0]]) if wrong else None
         yield OutputRow(
-            topic, OutputCheck.CONSISTENT, "valid and reasons", result_of(not wrong), found, LIMITS[fits], at_s
+            topic, OutputCheck.CONSISTENT, "valid and reasons", result_of(not wrong), text, LIMITS[fits], at_s
         )
         if topic not in (INTEGRITY, GLIDE):
             foreign = sorted(PROFILE_REASONS & {str(reason) for row in rows for reason in row.get("reasons") or ()})
@@ -114,18 +114,18 @@ class Consistency:
         fields = VALUES.get(HEIGHT if series.topic.startswith(f"{HEIGHT}/") else series.topic, ())
         missing = [f for f in fields if (series.valid & ~np.isfinite(series.column(f))).any()]
         if fields:
-            found = f"valid without {', '.join(missing)}" if missing else "consistent"
+            text = f"valid without {', '.join(missing)}" if missing else "consistent"
             limit = "each value of a valid message"
-            yield OutputRow(series.topic, OutputCheck.CONSISTENT, "values", result_of(not missing), found, limit)
+            yield OutputRow(series.topic, OutputCheck.CONSISTENT, "values", result_of(not missing), text, limit)
 
     def _named(self, field: str, names: tuple[str, ...], *, may_be_none: bool = True) -> OutputRow:
         """A field that names a device must name a configured one."""
         allowed = (*names, None) if may_be_none else names
         wrong = [i for i, name in enumerate(self._series.values(field)) if name not in allowed]
-        found = f"{self._series.rows[wrong[0]].get(field)!r}" if wrong else "as configured"
+        text = f"{self._series.rows[wrong[0]].get(field)!r}" if wrong else "as configured"
         at_s = float(self._t[wrong[0]]) if wrong else None
         return OutputRow(
-            self._series.topic, OutputCheck.CONSISTENT, field, result_of(not wrong), found, ", ".join(names), at_s
+            self._series.topic, OutputCheck.CONSISTENT, field, result_of(not wrong), text, ", ".join(names), at_s
         )
 
     def _height_of_range(self, truth: TruthTable, name: str) -> Iterator[OutputRow]:

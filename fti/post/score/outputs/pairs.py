@@ -54,8 +54,8 @@ def _by_time(series: TopicSeries) -> dict[int, MessageTable]:
 
 
 def _row(topic: str, what: str, count: int, limit: str) -> OutputRow:
-    found = f"{count} messages differ" if count else "consistent"
-    return OutputRow(topic, OutputCheck.CONSISTENT, what, result_of(not count), found, limit)
+    text = f"{count} messages differ" if count else "consistent"
+    return OutputRow(topic, OutputCheck.CONSISTENT, what, result_of(not count), text, limit)
 
 
 #: Topic -> the topic that it belongs to, and the check of both.

@@ -109,10 +109,10 @@ def _gap(output: RequiredOutput, t: Array, flight: Interval, exempt: Sequence[In
 
 def _touches(begin: Array, end: Array, intervals: Sequence[Interval]) -> Mask:
     """Which gaps overlap one of the intervals."""
-    found = np.zeros(len(begin), dtype=bool)
+    mask = np.zeros(len(begin), dtype=bool)
     for from_s, until_s in intervals:
-        found |= (begin < until_s) & (end > from_s)
-    return found
+        mask |= (begin < until_s) & (end > from_s)
+    return mask
 
 
 def _order(
@@ -139,12 +139,12 @@ def _order(
     for where, text in findings:
         at = np.flatnonzero(where & during)
         if len(at):
-            found = f"{len(at)} messages {text}" + (f": {age_s[at[0]]:.2f} s" if where is old else "")
-            return _of_times(series, Result.FAILS, found, limit, float(t[at[0]]))
+            remark = f"{len(at)} messages {text}" + (f": {age_s[at[0]]:.2f} s" if where is old else "")
+            return _of_times(series, Result.FAILS, remark, limit, float(t[at[0]]))
     if series.repeated > copies * len(series):
         return _of_times(series, Result.FAILS, f"{series.repeated} repeated messages", limit, None)
     return _of_times(series, Result.HOLDS, "in order", limit, None)
 
 
-def _of_times(series: TopicSeries, result: Result, found: str, limit: str, at_s: float | None) -> OutputRow:
-    return OutputRow(series.topic, OutputCheck.TIMES, "", result, found, limit, at_s)
+def _of_times(series: TopicSeries, result: Result, text: str, limit: str, at_s: float | None) -> OutputRow:
+    return OutputRow(series.topic, OutputCheck.TIMES, "", result, text, limit, at_s)

@@ -59,9 +59,9 @@ def navigated_error(integrity: TopicSeries, solution: TopicSeries, table: TruthT
 
 def height_error(integrity: TopicSeries, error: Array, limit_m: float) -> QuantityError:
     """Error of b(0) of the monitor, its estimate of the error of the navigated altitude."""
-    found = integrity.column("height_error")
+    estimate = integrity.column("height_error")
     return QuantityError(
-        "height error", "m", found - error, integrity.column("height_error_sd"), limit_m, must_state=True
+        "height error", "m", estimate - error, integrity.column("height_error_sd"), limit_m, must_state=True
     )
 
 

@@ -43,13 +43,13 @@ IntendedValues = Mapping[str, tuple[Times, Array]]
 
 def read_intended_values(truth_file: Path) -> dict[str, IntendedValues]:
     """The intended values of each device, by its name; empty in older truth files.  Raises RecordingError."""
-    found: dict[str, dict[str, list[tuple[int, float]]]] = defaultdict(lambda: defaultdict(list))
+    rows: dict[str, dict[str, list[tuple[int, float]]]] = defaultdict(lambda: defaultdict(list))
     for item in McapFile(truth_file).items():
         if item.topic.name.startswith(MEASUREMENT):
             with using_message(item.topic.name, item.log_time):
                 for name, value in parse_table(item.data)["values"].items():
-                    found[item.topic.name.removeprefix(MEASUREMENT)][name].append((item.log_time, float(value)))
-    return {device: {name: _columns(pairs) for name, pairs in of.items()} for device, of in found.items()}
+                    rows[item.topic.name.removeprefix(MEASUREMENT)][name].append((item.log_time, float(value)))
+    return {device: {name: _columns(pairs) for name, pairs in of.items()} for device, of in rows.items()}
 
 
 def _columns(pairs: Sequence[tuple[int, float]]) -> tuple[Times, Array]:

@@ -33,9 +33,9 @@ def errors(
 def test_a_horizontal_error_is_a_distance_over_ground(lat_deg: float, lon_deg: float, distance_m: float) -> None:
     table = truth(4.0, lat=math.radians(45.0), lon=math.radians(10.0), **LEVEL)
     series = messages("/nav/nav_solution", T, lat=math.radians(lat_deg), lon=math.radians(lon_deg), alt=30.0)
-    found = errors(series, table)
-    np.testing.assert_allclose(found["horizontal"].error, distance_m, atol=2e-3)
-    np.testing.assert_allclose(found["altitude"].error, 30.0)
+    results = errors(series, table)
+    np.testing.assert_allclose(results["horizontal"].error, distance_m, atol=2e-3)
+    np.testing.assert_allclose(results["altitude"].error, 30.0)
 
 
 def test_the_error_counts_at_the_time_of_validity() -> None:
@@ -59,9 +59,9 @@ def test_an_antenna_is_compared_where_it_is() -> None:
     table = truth(4.0, **{**LEVEL, "heading": math.radians(90.0)}, lat=math.radians(45.0), lon=math.radians(10.0))
     lon = math.radians(10.0 + 10.0 / LON_DEGREE_M)
     series = messages("/gnss/position", T, lat=math.radians(45.0), lon=lon, alt=2.0, alt_msl=2.0)
-    found = errors(series, table, (10.0, 0.0, -2.0))
+    results = errors(series, table, (10.0, 0.0, -2.0))
     for name in ("horizontal", "altitude", "altitude above sea"):
-        np.testing.assert_allclose(found[name].error, 0.0, atol=2e-3)
+        np.testing.assert_allclose(results[name].error, 0.0, atol=2e-3)
     np.testing.assert_allclose(errors(series, table)["horizontal"].error, 10.0, atol=2e-3)
 
 
@@ -70,17 +70,17 @@ def test_an_altimeter_is_compared_along_its_beam_and_straight_below() -> None:
     series = messages(
         "/nav/height_above_ground/laser", T, raw=103.0, nearest_sd=0.4, height_agl=96.0, sd=2.0, predicted=99.0
     )
-    found = errors(series, table)
-    np.testing.assert_allclose(found["measured range"].error, 3.0)
-    np.testing.assert_allclose(found["measured range"].sd, math.hypot(0.4, 3.0))  # half of what lies within 3 m
-    np.testing.assert_allclose(found["height below"].error, -1.0)
-    np.testing.assert_allclose(found["predicted range"].error, -1.0)
+    results = errors(series, table)
+    np.testing.assert_allclose(results["measured range"].error, 3.0)
+    np.testing.assert_allclose(results["measured range"].sd, math.hypot(0.4, 3.0))  # half of what lies within 3 m
+    np.testing.assert_allclose(results["height below"].error, -1.0)
+    np.testing.assert_allclose(results["predicted range"].error, -1.0)
 
 
 def test_what_the_truth_does_not_have_is_not_compared() -> None:
     table = truth(4.0, height_agl=97.0)
-    found = errors(messages("/nav/height_above_ground/laser", T, raw=103.0), table)
-    assert np.isnan(found["measured range"].error).all()
+    results = errors(messages("/nav/height_above_ground/laser", T, raw=103.0), table)
+    assert np.isnan(results["measured range"].error).all()
     assert not errors(messages("/air_data/temperature", T, static=280.0), table)
 
 

@@ -46,8 +46,8 @@ class Sample:
     def values(self, topic: str) -> dict[str, list[float]]:
         """Field -> the numbers of valid messages, of fields that are there often enough for a comparison."""
         if topic not in self._values:
-            found = valid_values(self.session, topic)
-            self._values[topic] = {name: values for name, values in found.items() if len(values) >= MIN_VALID}
+            results = valid_values(self.session, topic)
+            self._values[topic] = {name: values for name, values in results.items() if len(values) >= MIN_VALID}
         return self._values[topic]
 
 

@@ -49,7 +49,7 @@ class Flag:
 
 def flags_of(sample: Sample) -> list[Flag]:
     """Every flag that the honest session raises in time, and no late bench explains; of several faults the first."""
-    found: dict[str, Flag] = {}
+    flags: dict[str, Flag] = {}
     for score in sample.honest.report:
         for row in score["rows"]:
             if row.get("verdict") == "found" and isinstance(row.get("flag"), str):
@@ -57,8 +57,8 @@ def flags_of(sample: Sample) -> list[Flag]:
                 if not sample.session.was_late(
                     flag.from_s - BEFORE_S, (flag.clear_limit_s or flag.stands_s) + BEFORE_S
                 ):
-                    found.setdefault(flag.name, flag)
-    return list(found.values())
+                    flags.setdefault(flag.name, flag)
+    return list(flags.values())
 
 
 def _parse(row: dict[str, Any]) -> Flag:

@@ -163,8 +163,8 @@ def valid_values(session: Session, topic: str) -> dict[str, list[float]]:
 
 def tables(session: Session, topic: str, kind: Kind = "derived") -> list[Table]:
     """The JSON content of all messages of a topic during the flight."""
-    found = [item for item in session.items(kind) if item.topic.name == topic]
-    return [orjson.loads(item.data) for item in found if item.log_time >= session.begin_ns]
+    messages = [item for item in session.items(kind) if item.topic.name == topic]
+    return [orjson.loads(item.data) for item in messages if item.log_time >= session.begin_ns]
 
 
 def shift_times(item: McapMessage, by_s: float, names: Iterable[str] = ("t_ns", "t_valid_ns")) -> bytes:

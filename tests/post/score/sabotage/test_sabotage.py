@@ -42,10 +42,10 @@ def _sample(name: str, folder: Path, until_s: float | None, *, others: bool) -> 
 
 def _attack(sample: Sample, chosen: Sequence[Falsification], folder: Path, *, every: bool, turn: int = 0) -> Sum:
     """Apply falsifications; each that changes something must be detected."""
-    found = Sum(list(run(sample, chosen, folder, every=every, turn=turn)))
-    print("\n".join(found.lines()))
-    assert not found.undetected, "\n".join(f"{one.falsification}: {one.target}" for one in found.undetected)
-    return found
+    total = Sum(list(run(sample, chosen, folder, every=every, turn=turn)))
+    print("\n".join(total.lines()))
+    assert not total.undetected, "\n".join(f"{one.falsification}: {one.target}" for one in total.undetected)
+    return total
 
 
 def test_the_score_detects_every_falsification(names: tuple[str, ...], scale: int, tmp_path: Path) -> None:
@@ -53,8 +53,8 @@ def test_the_score_detects_every_falsification(names: tuple[str, ...], scale: in
     for name in names:
         sample = _sample(name, tmp_path, None if is_full else FLIGHTS[name], others=is_full)
         turn = scenarios.shipped_names().index(name) if name != SHORT else 0
-        found = _attack(sample, list(left.values()), tmp_path, every=is_full and name == SHORT, turn=turn)
-        left = {one: falsification for one, falsification in left.items() if one not in found.applied()}
+        total = _attack(sample, list(left.values()), tmp_path, every=is_full and name == SHORT, turn=turn)
+        left = {one: falsification for one, falsification in left.items() if one not in total.applied()}
         if name == ALL_FLAGS and not is_full:
             _attack(sample, GROUPS["flags"], tmp_path, every=True)
     assert is_full or not left, "no flight has anything to falsify so"
@@ -72,6 +72,6 @@ def test_the_sum_names_what_was_not_detected() -> None:
         Outcome("nominal", "sigma zero", "/nav/x sd", False, ""),
         Outcome("nominal", "flag never clears", "", None, "nothing there"),
     ]
-    found = Sum(outcomes)
-    assert found.undetected == [outcomes[1]]
-    assert list(found.lines())[-1] == "2 of 3 falsifications applied 2 times: 1 detected, 1 not detected"
+    total = Sum(outcomes)
+    assert total.undetected == [outcomes[1]]
+    assert list(total.lines())[-1] == "2 of 3 falsifications applied 2 times: 1 detected, 1 not detected"

@@ -92,14 +92,14 @@ def _freeze(first: Callable[[Forgery], int], last: Callable[[Forgery], int]) -> 
 
     def apply(forgery: Forgery, topic: str) -> None:
         begin, end = first(forgery), last(forgery)
-        held: list[McapMessage] = []
+        messages: list[McapMessage] = []
 
         def change(item: McapMessage) -> Iterable[McapMessage]:
             table = orjson.loads(item.data)
             if not begin <= item.log_time < end or not table.get("valid", True):
                 return [item]
-            held[:] = held or [item]
-            frozen = _with_times_of(held[0], item)
+            messages[:] = messages or [item]
+            frozen = _with_times_of(messages[0], item)
             return [item if frozen.data == item.data else frozen]
 
         forgery.edit("derived", [topic], change)

@@ -49,9 +49,9 @@ class _Attack:
         for topic in sample.outputs:
             if topic.startswith(self.topics):
                 values = sample.values(topic)
-                found = [name for name in self.fields if self._is_large(values.get(name, []))]
-                if found:
-                    yield Target(f"{topic} {','.join(found)}", self._edit(topic, found))
+                names = [name for name in self.fields if self._is_large(values.get(name, []))]
+                if names:
+                    yield Target(f"{topic} {','.join(names)}", self._edit(topic, names))
 
     def _is_large(self, values: Sequence[float]) -> bool:
         return sum(abs(value) >= self.minimum for value in values) >= MIN_VALID
