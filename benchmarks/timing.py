@@ -119,12 +119,12 @@ class LatenessLog:
     due: NDArray[np.float64]
     late: NDArray[np.float64]
     sender: NDArray[np.str_]
-    excused: NDArray[np.bool_]
+    exempt: NDArray[np.bool_]
 
     def of(self, sender: str) -> LatenessLog:
         """Those of one sender."""
         mine = self.sender == sender
-        return LatenessLog(self.due[mine], self.late[mine], self.sender[mine], self.excused[mine])
+        return LatenessLog(self.due[mine], self.late[mine], self.sender[mine], self.exempt[mine])
 
     @property
     def sent_s(self) -> NDArray[np.float64]:
@@ -134,12 +134,12 @@ class LatenessLog:
     @property
     def judged_share(self) -> float:
         """Share of the judged messages."""
-        return float(np.mean(~self.excused))
+        return float(np.mean(~self.exempt))
 
     @property
     def p99_ms(self) -> float:
         """p99 of the judged messages [ms]."""
-        return 1e3 * float(np.percentile(self.late[~self.excused], 99))
+        return 1e3 * float(np.percentile(self.late[~self.exempt], 99))
 
 
 def play_undisturbed(
@@ -172,7 +172,7 @@ def play(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tu
     rig.close()
     with np.load(log) as found:
         due = found["due"]
-        late = LatenessLog(due, found["late"], found["names"][found["sender"]], standstill.is_excused(due))
+        late = LatenessLog(due, found["late"], found["names"][found["sender"]], standstill.is_exempt(due))
     return json.loads(report.read_text()), rig.session.path, late
 
 
@@ -215,7 +215,7 @@ def player(original: Path, ours: LatenessLog) -> None:
             bus.send(message)
     os.close(slave)
     due = begin + np.array([message.timestamp - messages[0].timestamp for message in messages])
-    theirs = LatenessLog(due, np.maximum(late, 0.0), np.full(len(late), "adapter"), standstill.is_excused(due))
+    theirs = LatenessLog(due, np.maximum(late, 0.0), np.full(len(late), "adapter"), standstill.is_exempt(due))
     show("python-can's player, adapter", theirs)
     print(f"  fti replay's p99 on that adapter is {ours.p99_ms / theirs.p99_ms:.2f} of the player's")
 

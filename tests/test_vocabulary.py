@@ -1,7 +1,7 @@
 """Retired words stay out: of identifiers everywhere, and of every text of the product (docs/glossary.md).
 
-A participle is not a noun (told, said, heard), a program is not a household (desk, stint, patience), and a limit is
-MAX_ or MIN_ with its unit.
+A participle is not a noun (told, said, heard), a program is neither a household (desk, stint, patience) nor a court
+(evidence, excuse, witness), and a limit is MAX_ or MIN_ with its unit.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from tests.helpers import ROOT
 RETIRED = frozenset((
     "told", "tells", "telling", "teller", "said", "heard", "hears", "stint", "desk", "hygiene", "patience", "bulletin",
     "belief", "believed", "doubt", "doubts", "duty", "duties", "felled", "hopeless", "wish", "wishes", "unmade",
-    "strayed",
+    "strayed", "excuse", "excuses", "excused", "witness", "witnesses", "evidence", "accuse", "accused", "judgement",
 ))
 #: Texts and keys in recordings and reports have some of them ("never heard"); IERS has a bulletin.
-RETIRED_IN_TEXTS = RETIRED - {"said", "heard", "believed", "doubts", "bulletin", "duty"}
+RETIRED_IN_TEXTS = RETIRED - {"said", "heard", "believed", "doubts", "bulletin", "duty", "excused"}
 # fmt: on
 RETIRED_PREFIXES = ("MOST_", "LEAST_", "LONGEST_", "PATIENCE_", "ENOUGH_")
 FOLDERS = ("fti", "tests", "benchmarks", "examples")

@@ -4,7 +4,7 @@
 
 The host of a virtual machine stops it for some milliseconds now and then.  All its processes are late then.  A process
 with the highest priority (SCHED_FIFO) and without work is late only then, which separates a standstill from slow code.
-Without the right to that priority nothing is measured and no delay is excused.
+Without the right to that priority nothing is measured and every delay counts.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ class Standstill:
         found = [json.loads(process.communicate()[0] or "[]") for process in self._watching]
         self._spans = np.array([span for spans in found for span in spans]).reshape(-1, 2)
 
-    def is_excused(self, due: Array) -> NDArray[np.bool_]:
+    def is_exempt(self, due: Array) -> NDArray[np.bool_]:
         """Which instants (time.monotonic [s]) lie in a standstill or its work-off time.  Call it after the context."""
-        excused = np.zeros(len(due), dtype=bool)
+        exempt = np.zeros(len(due), dtype=bool)
         for begin, end in self._spans:
-            excused |= (due >= begin) & (due <= end + RECOVERY_FACTOR * (end - begin))
-        return excused
+            exempt |= (due >= begin) & (due <= end + RECOVERY_FACTOR * (end - begin))
+        return exempt
 
     def share(self, begin: float, end: float) -> float:
         """Share of the time from begin to end in which a core stood still, mean of all cores."""
@@ -65,7 +65,7 @@ def watch(core: int) -> list[tuple[float, float]]:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
     except PermissionError:
-        print("no right to SCHED_FIFO: no standstill of the machine is excused", file=sys.stderr)
+        print("no right to SCHED_FIFO: standstills of the machine count as lateness", file=sys.stderr)
         return []
     spans, due = [], time.monotonic() + PERIOD_S
     while not _is_input_ended():

@@ -278,7 +278,7 @@ def _whole_records(data: bytes, at: int) -> int:
     return at
 
 
-def describe(losses: list[Loss], excused: int) -> str:
+def describe(losses: list[Loss], late_kills: int) -> str:
     """What the kills have cost."""
     spans = sorted(loss.received.ns / 1e6 for loss in losses)
     unsaved = sorted(loss.sent.ns / 1e6 for loss in losses)
@@ -286,5 +286,5 @@ def describe(losses: list[Loss], excused: int) -> str:
         f"{len(losses)} kills; of what was sent until then, this is not in the file: median "
         f"{unsaved[len(unsaved) // 2]:.1f} ms, most {unsaved[-1]:.1f} ms; of what the recorder had received: median "
         f"{spans[len(spans) // 2]:.1f} ms, most {spans[-1]:.1f} ms, at most {max(loss.frames for loss in losses)} "
-        f"frames; over 50 ms: {excused}"
+        f"frames; over 50 ms: {late_kills}"
     )

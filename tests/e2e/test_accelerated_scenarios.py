@@ -30,7 +30,7 @@ OBSTACLE_M = 30.0
 #: A window is flown through in so many seconds.
 WINDOW_S = 8.0
 MAX_AGE_S = 0.5
-#: A judgement falls on a tick; one tick and the period of the samples may pass.
+#: A result falls on a tick; one tick and the period of the samples may pass.
 TICK_S = 0.1
 
 

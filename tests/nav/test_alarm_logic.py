@@ -72,7 +72,7 @@ def test_what_is_not_calm_begins_the_window_again(disturbed: Ratios) -> None:
 
 
 def test_an_update_that_was_not_evaluated_restarts_the_window() -> None:
-    """Calm, 600 m without a judgement, calm: nobody knows of what was between."""
+    """Calm, 600 m without a result, calm: the interval between is unknown."""
     logic = AlarmLogic(400.0)
     states(logic, [T1, T1, GOOD], 3000.0)
     logic.skip()

@@ -246,9 +246,7 @@ def test_a_clock_that_steps_back_gives_no_valid_output(fly: Callable[..., Output
     assert all(0 < o.t_ns <= BROKEN + 600 * MS for o in valid)
 
 
-def test_duplicated_frames_change_no_judgement(
-    reference: ApproachReference, path: ApproachPath, flight: Flight
-) -> None:
+def test_duplicated_frames_change_no_result(reference: ApproachReference, path: ApproachPath, flight: Flight) -> None:
     def states_after(times: int) -> list[IntegrityState]:
         pipeline = Pipeline(config(), reference)
         outputs: Outputs = []

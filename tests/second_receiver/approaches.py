@@ -211,7 +211,7 @@ class Outcome:
     """Of one approach.
 
     alert_s, over : path length [m] of the first ALERT, None without one; the tests that were near or over their limits
-    judged        : share of the outputs with a full window that were judgements;  refused : reasons of the others
+    judged        : share of the outputs with a full window that were results;  refused : reasons of the others
     """
 
     alert_s: float | None

@@ -127,7 +127,7 @@ def test_lateness_in_an_alert_never_shows_fewer_alarms(rig: Rig, late_s: float) 
         texts = rig.check_latency(waited_ns)
         assert "integrity_alert" in texts
         assert ("navigation_late" in texts) == (waited_ns > LATE_NS)
-    assert rig.check_latency(None) == ["integrity_alert"], "only a fresh judgement ends it"
+    assert rig.check_latency(None) == ["integrity_alert"], "only a fresh result ends it"
 
 
 def test_a_navigation_that_was_started_again_ends_nothing_that_it_does_not_know(rig: Rig) -> None:

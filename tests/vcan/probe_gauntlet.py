@@ -38,7 +38,7 @@ def fly(folder: Path) -> flights.Flight:
 
 
 def probe() -> dict[str, object]:
-    """Exit code and words of the score; flown again where the bench was too late for a judgement."""
+    """Exit code and words of the score; flown again where the bench was too late for a score."""
     for _ in range(ATTEMPTS):
         with tempfile.TemporaryDirectory() as folder:
             flight = fly(Path(folder))

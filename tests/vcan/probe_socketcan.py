@@ -1,4 +1,4 @@
-"""Runs inside the user-mode kernel: a link and a witness listen to vcan0, frames come from python-can and raw sockets.
+"""Runs inside the user-mode kernel: a link and a listener listen to vcan0, frames come from python-can and raw sockets.
 
 What both saw, with stamps and states, is judged by ``test_socketcan.py``.
 """
@@ -46,7 +46,7 @@ ERROR_FRAMES = [
 Received = list[tuple[str, int]]
 
 
-class Witness:
+class KernelListener:
     """What a plain socket of the kernel hands over, as candump reads it."""
 
     def __init__(self, channel: str) -> None:
@@ -82,7 +82,7 @@ def send_all(bus: can.BusABC, frames: Sequence[can.Message]) -> None:
 
 
 async def every_kind(
-    link: Link, received: Received, witness: Witness, bus: can.BusABC, clock: SystemClock
+    link: Link, received: Received, listener: KernelListener, bus: can.BusABC, clock: SystemClock
 ) -> dict[str, Any]:
     """Frames of every kind, sent while the loop is busy elsewhere: only kernel stamps can tell them apart."""
     before = clock.now_ns()
@@ -93,7 +93,7 @@ async def every_kind(
     return {
         "link": [s[0] for s in received],
         "times": [s[1] for s in received],
-        "witness": witness.frames(),
+        "listener": listener.frames(),
         "sent": [before, after],
     }
 
@@ -121,10 +121,10 @@ async def burst(link: Link, received: Received, bus: can.BusABC) -> dict[str, An
     }
 
 
-async def down_and_up(link: Link, received: Received, witness: Witness) -> dict[str, Any]:
+async def down_and_up(link: Link, received: Received, listener: KernelListener) -> dict[str, Any]:
     """The interface goes down and comes back."""
     received.clear()
-    witness.frames()
+    listener.frames()
     ip_link("vcan0", "down")
     await until_async(lambda: link.status.state is LinkState.ABSENT, what="the link to notice")
     hint = link.status.hint
@@ -133,13 +133,13 @@ async def down_and_up(link: Link, received: Received, witness: Witness) -> dict[
     with can.Bus(interface="socketcan", channel="vcan0") as bus:  # a new one: the old one's first send would fail
         send_all(bus, FRAMES[:3])
     await until_async(lambda: len(received) >= 3, what="frames after the interface came back")
-    return {"hint": hint, "link": [s[0] for s in received], "witness": witness.frames()}
+    return {"hint": hint, "link": [s[0] for s in received], "listener": listener.frames()}
 
 
 async def sending(clock: SystemClock) -> dict[str, Any]:
     """A link that may send does; its own frame is not received, not even when the kernel hands it back."""
     received: Received = []
-    witness = Witness("vcan1")
+    listener = KernelListener("vcan1")
     link = link_of("vcan1", received, clock, transmit=True, settings={"receive_own_messages": True})
     task = asyncio.create_task(link.run(), name="sender")
     await until_async(lambda: link.status.state is LinkState.SILENT, what="vcan1")
@@ -148,7 +148,7 @@ async def sending(clock: SystemClock) -> dict[str, Any]:
         bus.send(FRAMES[1])
     await until_async(lambda: len(received) >= 1, what="the frame of another")
     await cancel(task)
-    return {"link": [s[0] for s in received], "witness": witness.frames(), "tx_frames": link.status.tx_frames}
+    return {"link": [s[0] for s in received], "listener": listener.frames(), "tx_frames": link.status.tx_frames}
 
 
 async def absent(clock: SystemClock) -> dict[str, Any]:
@@ -197,7 +197,7 @@ async def probe() -> dict[str, Any]:
     clock = SystemClock(choose_epoch_ns())
     received: Received = []
     link = link_of("vcan0", received, clock)
-    witness = Witness("vcan0")
+    listener = KernelListener("vcan0")
     task = asyncio.create_task(link.run(), name="vcan0")
     await until_async(lambda: link.status.state is LinkState.SILENT, what="vcan0")
     refused = ""
@@ -207,10 +207,10 @@ async def probe() -> dict[str, Any]:
         refused = str(error)
     with can.Bus(interface="socketcan", channel="vcan0", fd=True) as bus:
         found = {
-            "kinds": await every_kind(link, received, witness, bus, clock),
+            "kinds": await every_kind(link, received, listener, bus, clock),
             "errors": await error_frames(link, received),
             "burst": await burst(link, received, bus),
-            "down": await down_and_up(link, received, witness),
+            "down": await down_and_up(link, received, listener),
         }
     await cancel(task)
     apart = {"sending": await sending(clock), "absent": await absent(clock), "set_clock": await set_clock(clock)}

@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan]
 
 @pytest.fixture(scope="module")
 def found(vm_results: dict[str, Any]) -> dict[str, Any]:
-    """What link and witness saw."""
+    """Frames of the link and of a plain socket."""
     results: dict[str, Any] = vm_results["socketcan"]
     return results
 
@@ -23,7 +23,7 @@ def found(vm_results: dict[str, Any]) -> dict[str, Any]:
 def test_every_kind_of_frame_is_recorded_as_the_kernel_gives_it(found: dict[str, Any]) -> None:
     kinds = found["kinds"]
     assert len(kinds["link"]) == len(FRAMES)
-    assert kinds["link"] == kinds["witness"]
+    assert kinds["link"] == kinds["listener"]
 
 
 @pytest.mark.parametrize("index", range(len(FRAMES)))
@@ -75,13 +75,13 @@ def test_an_interface_that_goes_down_is_named_and_comes_back(found: dict[str, An
     down = found["down"]
     assert "vcan0 is down" in down["hint"]
     assert len(down["link"]) == 3
-    assert down["link"] == down["witness"]
+    assert down["link"] == down["listener"]
 
 
 def test_what_the_link_sends_is_sent_and_not_received(found: dict[str, Any]) -> None:
     sending = found["sending"]
-    assert sending["witness"][0] == OWN_FRAME.hex()
-    assert sending["link"] == sending["witness"][1:]
+    assert sending["listener"][0] == OWN_FRAME.hex()
+    assert sending["link"] == sending["listener"][1:]
     assert sending["tx_frames"] == 1
 
 

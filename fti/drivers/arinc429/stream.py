@@ -45,7 +45,7 @@ def required_words(enabled: float, parity: Parity) -> int:
     return min(max(needed, 2), SEARCH_BYTES // WORD_BYTES)
 
 
-class WordEvidence(NamedTuple):
+class OffsetCheck(NamedTuple):
     """Check of an offset.  good : None if undecided; end : of the deciding word; enabled_words : their number."""
 
     good: bool | None
@@ -91,25 +91,25 @@ class WordStream:
     def _search(self, buffer: bytearray) -> int | Skip:
         """At an enabled label: is this the offset of words?"""
         required = MIN_WORDS_AT_START if self._at_beginning else self._required
-        evidence = self._evidence(buffer, 0, required, dense=self._parity == "none")
-        if evidence.good is None and len(buffer) < SEARCH_BYTES:
+        check = self._check_offset(buffer, 0, required, dense=self._parity == "none")
+        if check.good is None and len(buffer) < SEARCH_BYTES:
             return 0
-        if evidence.good is False:
+        if check.good is False:
             return Skip(1, "no_sync")
         # Does another offset have at most one enabled label less, and no wrong parity?
-        searched, enough = buffer[: evidence.end], max(evidence.enabled_words - 1, 1)
-        if any(self._evidence(searched, at, enough).good for at in OTHER_OFFSETS):
+        searched, enough = buffer[: check.end], max(check.enabled_words - 1, 1)
+        if any(self._check_offset(searched, at, enough).good for at in OTHER_OFFSETS):
             return Skip(1, "ambiguous")
-        self._in_step, self._confirmed_words = True, evidence.end // WORD_BYTES - 1
+        self._in_step, self._confirmed_words = True, check.end // WORD_BYTES - 1
         return WORD_BYTES
 
     def _check_following(self, buffer: bytearray, good: bool) -> int | Skip:
-        """After a word that is not enabled or not intact: is the offset still right?  The first evidence decides."""
-        here = self._evidence(buffer, 0, 1) if good else self._evidence(buffer, WORD_BYTES, 2)
+        """After a word that is not enabled or not intact: is the offset still right?  The first check decides."""
+        here = self._check_offset(buffer, 0, 1) if good else self._check_offset(buffer, WORD_BYTES, 2)
         others = [
-            (evidence.end, at)
+            (check.end, at)
             for at in OTHER_OFFSETS
-            if (evidence := self._evidence(buffer, at, MIN_WORDS_OTHER_OFFSET)).good
+            if (check := self._check_offset(buffer, at, MIN_WORDS_OTHER_OFFSET)).good
         ]
         if others and (here.good is None or min(others)[0] < here.end):
             return self._lost(min(others)[1], good)
@@ -124,15 +124,15 @@ class WordStream:
         self._in_step = False
         return Skip(size, "no_sync" if good else "bad_parity")
 
-    def _evidence(self, buffer: bytearray, start: int, required: int, *, dense: bool = False) -> WordEvidence:
+    def _check_offset(self, buffer: bytearray, start: int, required: int, *, dense: bool = False) -> OffsetCheck:
         """Find ``required`` enabled labels from start on, or a wrong parity.  dense : each word must be enabled."""
         enabled_words, at = 0, start
         for at in range(start, len(buffer) - WORD_BYTES + 1, WORD_BYTES):
             word = self._word_of(buffer[at : at + WORD_BYTES])
             enabled = self._is_enabled(word)
             if not is_intact(word, self._parity) or (dense and not enabled):
-                return WordEvidence(False, at + WORD_BYTES, enabled_words)
+                return OffsetCheck(False, at + WORD_BYTES, enabled_words)
             enabled_words += enabled
             if enabled_words == required:
-                return WordEvidence(True, at + WORD_BYTES, enabled_words)
-        return WordEvidence(None, at + WORD_BYTES, enabled_words)
+                return OffsetCheck(True, at + WORD_BYTES, enabled_words)
+        return OffsetCheck(None, at + WORD_BYTES, enabled_words)

@@ -108,7 +108,7 @@ def test_navigation_is_checked_and_the_device_is_not(craft: AircraftRoles, kind:
     ("kind", "keys"),
     [("stuck", {}), ("gnss_offset", {"up_m": 9.0}), ("clock_jump", {"by_s": 1.0})],
 )
-def test_on_a_source_they_excuse_nothing_and_on_an_altimeter_they_do(
+def test_on_a_source_they_explain_nothing_and_on_an_altimeter_they_do(
     craft: AircraftRoles, kind: str, keys: dict[str, Any]
 ) -> None:
     affected = OutputEffects([make_fault(kind, devices=("receiver",), **keys)], craft, TRUTH)

@@ -313,7 +313,7 @@ def test_every_number_of_a_ledger_is_proved(parent: Path, which: int, choice: in
 
 
 def numbers_in(table: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    """Every number of a ledger but those of line errors, which have no second witness."""
+    """Every number of a ledger but those of line errors, which no other record confirms."""
     for key, value in table.items():
         if isinstance(value, dict) and key != "errors":
             yield from numbers_in(value)
