@@ -37,7 +37,7 @@ class Rig:
 
     def start(self) -> None:
         """Begin, and wait for the file."""
-        self.writer.start()
+        self.writer.poll_storage()
         until(lambda: self.writer.file, what="a file")
 
     def finish(self) -> list[int]:

@@ -26,10 +26,9 @@ from fti.logger.storage import OpenAttempt, StorageState
 from fti.logger.storage_target import StorageTarget
 from fti.logger.verify.report import Check, CheckVerdict
 from fti.logger.verify.verification import verify
-from fti.service.recorder import log_writer, target_writer, writer_coordinator
+from fti.service.recorder import log_writer
 from fti.service.recorder.log_source import LogSource
-from fti.service.recorder.log_writer import LogWriter
-from fti.service.recorder.target_writer import TargetWriter
+from fti.service.recorder.log_writer import LogWriter, WriterThread
 from tests.helpers import until
 
 ONE_FILE_S = 1000.0  # no file is split before
@@ -165,8 +164,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
             storage,
             ("SLOW_S", "WRITE_TIMEOUT_S", "RETRY_PERIOD_S", "MIN_RETURN_DELAY_S", "MAX_RETURN_DELAY_S", "MIN_STABLE_S"),
         ),
-        (target_writer, ("RETRY_S", "SYNC_PERIOD_S")),
-        (writer_coordinator, ("RETRY_S",)),
+        (log_writer, ("RETRY_S", "SYNC_PERIOD_S")),
     ):
         for name in names:
             monkeypatch.setattr(module, name, getattr(module, name) / 50)
@@ -316,7 +314,7 @@ def test_what_a_medium_had_not_synced_when_it_went_away_stands_on_the_next(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch
 ) -> None:
     """It refuses and its path is gone, so its file is let go before there is another."""
-    quick.setattr(target_writer, "SYNC_PERIOD_S", 1000.0)
+    quick.setattr(log_writer, "SYNC_PERIOD_S", 1000.0)
     rig = make(1)
     rig.settle()
     rig.feed(20)
@@ -371,7 +369,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch
 ) -> None:
     """The buffers are empty then: it is what the file has taken that must be written again."""
-    quick.setattr(target_writer, "SYNC_PERIOD_S", 1000.0)
+    quick.setattr(log_writer, "SYNC_PERIOD_S", 1000.0)
     rig = make(split_s=ONE_FILE_S)
     rig.settle()
     rig.feed(20)
@@ -422,7 +420,7 @@ def test_nobody_takes_over_from_one_that_has_ended(make: Callable[..., Rig], mon
     rig.writer.stop()
     last = rig.writer.file
     monkeypatch.setattr(rig.writer._machine, "on_file_opened", lambda now, place: True)
-    TargetWriter(rig.writer, OpenAttempt(1, strict=False)).run()  # that was slow to open its file, and is wanted
+    WriterThread(OpenAttempt(1, strict=False), rig.writer._write).run()  # that was slow to open its file, and is wanted
     assert rig.writer.file == last
     assert rig.finish() == list(range(rig.seq))
 

@@ -64,8 +64,9 @@ class RecorderProcess:
         self._snapshot = self._make_snapshot()
         self._reception = ReceptionMonitor()
         min_free_mb = startup.config.session.min_free_mb
-        self._writer = LogWriter(self._log, self._sources(), self._targets, min_free_mb, self._report)
-        self._storage = StorageMonitor(self._writer, self._dropped, self._send_event)
+        self._sources = self._make_sources()
+        self._writer = LogWriter(self._log, self._sources, self._targets, min_free_mb, self._report)
+        self._storage = StorageMonitor(self._log, self._writer, self._dropped, self._send_event)
 
     # ------------------------------------------------------------------------------------------------- setup
 
@@ -123,7 +124,7 @@ class RecorderProcess:
         for text in refused:
             self._send_event("error", "recorder", text)
 
-    def _sources(self) -> list[LogSource]:
+    def _make_sources(self) -> list[LogSource]:
         """Ticks, and received and sent frames of each link; sent frames only where a link may transmit."""
         log = self._log
         sources, used = [LogSource(TICK_LINK, log.tick_channel, self._ticks)], [True]
@@ -149,7 +150,6 @@ class RecorderProcess:
         """Record until stopped."""
         loop = asyncio.get_running_loop()
         loop.add_reader(self._channel.fileno(), self._on_control)
-        self._writer.start()
         if self._snapshot:
             self._snapshot.start()
         readers = [self._start(unit.link.name, unit.link.run) for unit in self._units]
@@ -281,7 +281,7 @@ class RecorderProcess:
 
     def _describe_end(self, now: int) -> dict[str, Any]:
         """See ``fti.service.supervisor.session_result``."""
-        possibly_lost = [batch for source in self._writer.sources for batch in source.possibly_lost]
+        possibly_lost = [batch for source in self._sources for batch in source.possibly_lost]
         return {
             "ledger": self._ledger.read(now, final=True),
             "ledger_recorded": self._writer.notes_recorded,

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from fti.buffers.triple_buffer import BufferStats
 from fti.links.base import LinkStatus
+from fti.logger.raw_log import RawLog
 from fti.logger.storage import StorageState
 from fti.service.recorder.log_writer import LogWriter
 
@@ -39,9 +40,13 @@ class StorageMonitor:
     """Watches the storage state of the writer."""
 
     def __init__(
-        self, writer: LogWriter, dropped: Callable[[], Mapping[str, Dropped]], report_event: ReportEvent
+        self,
+        log: RawLog,
+        writer: LogWriter,
+        dropped: Callable[[], Mapping[str, Dropped]],
+        report_event: ReportEvent,
     ) -> None:
-        self._writer = writer
+        self._log, self._writer = log, writer
         self._dropped = dropped
         self._report_event = report_event
         self._state = StorageState.OK
@@ -79,7 +84,7 @@ class StorageMonitor:
         file = self._writer.file
         return {
             "file": str(file) if file else None,
-            "file_bytes": self._writer.log.bytes_written,
+            "file_bytes": self._log.bytes_written,
             "file_age_s": self._writer.silence_s,
             "free_mb": self._writer.free_mb,
             "state": state,
