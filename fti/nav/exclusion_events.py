@@ -35,7 +35,7 @@ class ExclusionEvents:
 
     def drain_events(self, t_ns: int) -> list[Event]:
         """Events of the changes since the last call."""
-        exclusions, previous = self._navigator.exclusions, self._excluded
+        exclusions, previous = self._navigator.find_exclusions(), self._excluded
         self._excluded = frozenset(s for s in self._sensors if altitude_name(s) in exclusions)
         events = []
         for sensor in sorted(self._excluded - previous):

@@ -138,7 +138,7 @@ def _file_state(recording: Recording, path: Path) -> FileState:
     fault = recording.faults.get(path)
     text = fault.text if fault else None
     file = McapFile(path)
-    return FileState(path, path.stat().st_size, file.finished, file.compression(), text)
+    return FileState(path, path.stat().st_size, file.is_finished(), file.compression(), text)
 
 
 def configured_rates(recording: Recording) -> dict[str, float]:

@@ -157,7 +157,7 @@ def test_an_interrupt_while_it_starts_leaves_nothing_half_done(rig: Rig, scale: 
             assert running.stop() in (130, -signal.SIGINT)  # the latter before the first line of ours
         assert not list(running.run_dir.glob("*"))
     for session in rig.out.glob("small_*"):
-        assert not Recording.open(session).unfinished_files
+        assert not Recording.open(session).find_unfinished_files()
 
 
 def test_a_second_interrupt_does_not_wait_for_the_repair_of_old_sessions(rig: Rig) -> None:
@@ -167,10 +167,10 @@ def test_a_second_interrupt_does_not_wait_for_the_repair_of_old_sessions(rig: Ri
     with rig.run() as running:
         session = running.session
         running.process.send_signal(signal.SIGINT)
-        until(lambda: not Recording.open(session).unfinished_files, what="a finished recording")
+        until(lambda: not Recording.open(session).find_unfinished_files(), what="a finished recording")
         running.process.send_signal(signal.SIGINT)
         assert running.wait() == 130
-    left = [path for path in old if Recording.open(path).unfinished_files]
+    left = [path for path in old if Recording.open(path).find_unfinished_files()]
     assert left
     assert all(path.read_bytes() == before for path in left)
 

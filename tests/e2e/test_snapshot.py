@@ -196,7 +196,7 @@ def test_what_a_killed_recorder_had_written_of_a_snapshot_is_there(feeder: Feede
         assert running.stop() == 130
     recording = Recording.open(session)
     assert [path.name[-7:-5] for path in recording.snapshot_files] == ["00", "01"]
-    assert not recording.unfinished_files
+    assert not recording.find_unfinished_files()
     assert sum(frame.link == "eth" for frame in Recording.open(file).frames()) > 50
     code, printed = _command("verify", str(session))
     assert code == 3, printed

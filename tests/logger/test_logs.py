@@ -369,12 +369,12 @@ def test_a_recording_that_is_being_written_is_read_and_reported(folder: SessionF
     log.write_sent("ins", 1, STARTED, b"b")
     log.flush()
     recording = Recording.open(folder.path)
-    assert recording.unfinished_files == [log.path]
+    assert recording.find_unfinished_files() == [log.path]
     assert [f.data for f in recording.frames()] == [b"a"]
     assert [f.data for f in recording.sent_frames()] == [b"b"]
     assert "being written" in recording.faults[log.path].text
     log.close()
-    assert Recording.open(folder.path).unfinished_files == []
+    assert Recording.open(folder.path).find_unfinished_files() == []
 
 
 def test_derived_messages_by_prefix(folder: SessionFolder) -> None:

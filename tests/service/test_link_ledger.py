@@ -33,6 +33,9 @@ class FakeIntake:
     def __init__(self, first: int) -> None:
         self.seq = first
 
+    def flush(self) -> int:
+        return self.seq
+
 
 class Rig:
     """The ledger of two links, of which frames are put and taken by hand."""

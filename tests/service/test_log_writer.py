@@ -45,7 +45,7 @@ class Rig:
         self.writer.stop()
         self.writer.finish()
         recording = Recording.open(self.folder.path)
-        assert not recording.unfinished_files
+        assert not recording.find_unfinished_files()
         return [frame.seq for frame in recording.frames()]
 
 

@@ -192,7 +192,7 @@ def test_it_finishes_when_the_supervisor_is_gone(rig: Rig) -> None:
     assert process.wait(timeout=120) == 0
     assert rig.ring.has_ended
     recording = Recording.open(rig.session.path)
-    assert not recording.unfinished_files
+    assert not recording.find_unfinished_files()
     assert b"last words" in b"".join(f.data for f in recording.frames())
 
 

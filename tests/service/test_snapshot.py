@@ -75,7 +75,7 @@ def test_a_trigger_brings_exactly_its_interval_into_a_file(rig: Rig) -> None:
     assert rig.held() == list(range(199, 350))
     recording = Recording.open(rig.files()[0])
     assert [f.seq for f in recording.frames()] == list(range(398, 700))
-    assert not recording.unfinished_files
+    assert not recording.find_unfinished_files()
     assert recording.frame_files == rig.files()
     (event,) = recording.messages("/fti/event", kind="snapshot")
     assert event[1] == 2990 * MS
@@ -132,7 +132,7 @@ def test_the_end_cuts_what_a_trigger_waits_for(rig: Rig) -> None:
     rig.sink.trigger("late", 990 * MS)
     rig.sink.stop()
     assert rig.held() == list(range(100))
-    assert not Recording.open(rig.files()[0]).unfinished_files
+    assert not Recording.open(rig.files()[0]).find_unfinished_files()
     assert rig.sink.outcomes[1].not_triggered.frames == 0
 
 

@@ -289,7 +289,7 @@ def test_a_folder_that_is_moved_away_is_made_again(make: Callable[..., Rig], qui
     for file in away.iterdir():
         file.rename(rig.folders[0] / file.name)
     assert rig.finish() == list(range(60))
-    assert not Recording.open(rig.folders[0]).unfinished_files
+    assert not Recording.open(rig.folders[0]).find_unfinished_files()
 
 
 def test_a_deleted_file_is_written_again(make: Callable[..., Rig]) -> None:

@@ -71,8 +71,7 @@ class McapFile:
         self._sizes = DeclaredSizes()
         self._at = 0
 
-    @property
-    def finished(self) -> bool:
+    def is_finished(self) -> bool:
         """Does the file end with a footer?"""
         return has_footer(self.path)
 
@@ -110,7 +109,7 @@ class McapFile:
             except (McapError, ValueError, struct.error) as error:
                 self.fault = f"is damaged after byte {self._at}: {error}"
                 break
-        if self.fault and not self.finished:
+        if self.fault and not self.is_finished():
             yield from self._unfinished()
 
     def _unfinished(self) -> Iterator[list[McapMessage]]:

@@ -75,10 +75,9 @@ class Recording:
         """All files: raw, derived, truth, snapshot."""
         return [path for kind in KINDS for path in self.paths(kind)]
 
-    @property
-    def unfinished_files(self) -> list[Path]:
+    def find_unfinished_files(self) -> list[Path]:
         """The files without a footer, which are being written or were cut off."""
-        return [path for path in self.files if not McapFile(path).finished]
+        return [path for path in self.files if not McapFile(path).is_finished()]
 
     @cached_property
     def _head(self) -> Head:

@@ -60,15 +60,14 @@ class Timeline:
         self._before: tuple[int, Array] | None = None  # the inertial sample before the first moment
         self._segments: deque[FilterSegment] = deque(maxlen=MAX_SEGMENTS)
 
-    @property
-    def newest(self) -> Moment:
-        """After the newest inertial sample."""
+    def replay_newest(self) -> Moment:
+        """The moment after the newest inertial sample, with all late measurements."""
         self._replay()
         return self._moments[-1]
 
     @property
     def newest_without_replay(self) -> Moment:
-        """The same, but without late measurements that arrived since the last replay."""
+        """The moment after the newest inertial sample, without late measurements since the last replay."""
         return self._moments[-1]
 
     @property
@@ -81,9 +80,8 @@ class Timeline:
         """Measurements must be newer than this."""
         return self._times[max(bisect_right(self._times, self._times[-1] - HORIZON_NS) - 1, 0)]
 
-    @property
-    def first(self) -> Moment:
-        """The end of the last segment that was returned."""
+    def replay_first(self) -> Moment:
+        """The end of the last segment that was returned, with all late measurements."""
         self._replay()
         return self._moments[0]
 

@@ -98,7 +98,7 @@ class InertialNavigator:
             self._align(t_ns, imu)
             return
         self._timeline.step(t_ns, imu)
-        if not _is_plausible(self._timeline.newest.estimate):
+        if not _is_plausible(self._timeline.replay_newest().estimate):
             self._restart(Reason.DIVERGED)
         elif self._unconfirmed:
             self._confirm()
@@ -135,15 +135,14 @@ class InertialNavigator:
         """The estimate at t_ns, at most 1 s before and ``MAX_GAP_NS`` after the newest sample; None otherwise."""
         return self._timeline.at(t_ns) if self._timeline is not None and self.reaches(t_ns) else None
 
-    @property
-    def exclusions(self) -> dict[str, Exclusion]:
+    def find_exclusions(self) -> dict[str, Exclusion]:
         """Excluded sources with cause and time, by name."""
-        gate_states = self._timeline.newest.gate_states if self._timeline is not None else {}
+        gate_states = self._timeline.replay_newest().gate_states if self._timeline is not None else {}
         return {name: s.exclusion for name, s in gate_states.items() if s.exclusion.cause is not None}
 
     def accepted_ns(self, axis: str) -> dict[str, int]:
         """Time of the last acceptance of each source that bounds an axis, by name."""
-        gate_states = self._timeline.newest.gate_states if self._timeline is not None else {}
+        gate_states = self._timeline.replay_newest().gate_states if self._timeline is not None else {}
         return {
             name: s.accepted_ns for name, s in gate_states.items() if s.accepted_ns is not None and axis in s.bounds
         }
@@ -157,10 +156,9 @@ class InertialNavigator:
         """Segments that became final since the last call, a second late; see ``fti.nav.filter.segment``."""
         return self._timeline.drain_segments() if self._timeline is not None else []
 
-    @property
-    def last_final(self) -> Estimate | None:
+    def find_last_final(self) -> Estimate | None:
         """The estimate at the end of the last segment; exclusions and readmissions replace it."""
-        return self._timeline.first.estimate if self._timeline is not None else None
+        return self._timeline.replay_first().estimate if self._timeline is not None else None
 
     def exclude(self, names: Iterable[str], since_ns: int, estimate: Estimate | None) -> None:
         """Exclude sources, and continue without them from an estimate at the end of the last segment.
@@ -169,13 +167,13 @@ class InertialNavigator:
         """
         if self._timeline is not None:
             exclusion = Exclusion(since_ns, Cause.SEPARATION)
-            initial = self._timeline.first.estimate if estimate is None else estimate
+            initial = self._timeline.replay_first().estimate if estimate is None else estimate
             self._timeline.replace_first(initial, [(name, exclusion) for name in names])
 
     def readmit(self, names: Iterable[str], disagreement: float = 0.0) -> None:
         """Readmit excluded sources.  disagreement : possible error of the filter itself [m]"""
         if self._timeline is not None:
-            initial = self._timeline.first.estimate
+            initial = self._timeline.replay_first().estimate
             self._timeline.replace_first(
                 inflate_covariance(initial, disagreement), [(name, NOT_EXCLUDED) for name in names]
             )
@@ -203,7 +201,7 @@ class InertialNavigator:
             return mode, (Reason.ALIGNING, *self._missing, *again)
         if self._unconfirmed:
             return FilterMode.ALIGNING, (Reason.ALIGNING,)
-        newest, states = self._timeline.newest, self._timeline.newest.gate_states
+        newest, states = self._timeline.replay_newest(), self._timeline.replay_newest().gate_states
         table = ((Reason.REJECTED, rejected_names(states)), (Reason.EXCLUDED, excluded_names(states)))
         reasons = tuple(reason for reason, names in table if names)
         if max(newest.estimate.sd_n[:3]) > MAX_SD_M:
@@ -223,7 +221,7 @@ class InertialNavigator:
             return FilterSolution(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=reported, mode=mode)
         assert self._timeline is not None
         (lat, lon, alt), (roll, pitch, heading), rpy_sd = estimate.geodetic, estimate.rpy, estimate.rpy_sd
-        (north, east, down), sd, states = estimate.vel_n.tolist(), estimate.sd_n, self._timeline.newest.gate_states
+        (north, east, down), sd, states = estimate.vel_n.tolist(), estimate.sd_n, self._timeline.replay_newest().gate_states
         return FilterSolution(
             t_ns=t_ns, t_valid_ns=estimate.t_ns, valid=True, reasons=reasons, mode=mode,
             lat=lat, lon=lon, alt=alt, horizontal_sd=float(max(sd[0], sd[1])), vertical_sd=float(sd[2]),
@@ -243,7 +241,7 @@ class InertialNavigator:
             return False
         if max(self._timeline.newest_without_replay.estimate.sd_n[:2]) <= MAX_SD_M:
             return False
-        estimate, gate_states = self._timeline.newest
+        estimate, gate_states = self._timeline.replay_newest()
         state = gate_states.get(aiding.name)
         if max(estimate.sd_n[:2]) <= MAX_SD_M or (state is not None and state.exclusion.cause is not None):
             return False
@@ -253,7 +251,7 @@ class InertialNavigator:
     def _bounded_axes(self, t_ns: int) -> frozenset[str]:
         """Axes that a source has bounded within ``COAST_NS``."""
         assert self._timeline is not None
-        gate_states = self._timeline.newest.gate_states.values()
+        gate_states = self._timeline.replay_newest().gate_states.values()
         recent = [s for s in gate_states if s.accepted_ns is not None and t_ns - s.accepted_ns <= COAST_NS]
         return frozenset[str]().union(*(s.bounds for s in recent))
 
@@ -272,7 +270,7 @@ class InertialNavigator:
         Other devices can confirm it; their disagreement is ignored.
         """
         assert self._timeline is not None
-        gate_states = self._timeline.newest.gate_states
+        gate_states = self._timeline.replay_newest().gate_states
         accepted = [name for name, s in gate_states.items() if s.accepted_ns is not None]
         if not self._unconfirmed.isdisjoint(rejected_names(gate_states)):
             self._restart(Reason.REJECTED)

@@ -152,7 +152,7 @@ class FaultDetection:
 
     def provisional(self, t_ns: int) -> list[ProvisionalResult]:
         """Provisional filters of unconfirmed receivers at a time; empty without an estimate."""
-        final = self._navigator.last_final
+        final = self._navigator.find_last_final()
         estimate = self._navigator.at(t_ns) if self._provisional.is_any else None
         if final is None or estimate is None:
             return []
@@ -401,7 +401,7 @@ class FaultDetection:
 
     def _aids_of(self, group: SourceClass) -> frozenset[str]:
         """Dead-reckoning aids that are not excluded."""
-        return group.dead_reckoning - self._navigator.exclusions.keys()
+        return group.dead_reckoning - self._navigator.find_exclusions().keys()
 
     def _exclude_aids(self, group: SourceClass, finding: SourceFault, t_ns: int) -> None:
         """Continue from the oldest copy without the dead-reckoning aids that were used without satellites."""
@@ -418,7 +418,7 @@ class FaultDetection:
 
     def _report_readmitted_aids(self, t_ns: int) -> None:
         """Report excluded aids that aid again."""
-        readmitted = self._excluded_aids - self._navigator.exclusions.keys()
+        readmitted = self._excluded_aids - self._navigator.find_exclusions().keys()
         self._excluded_aids -= readmitted
         for name in sorted(readmitted):
             self._add_event(t_ns, "info", f"{name}: aids the filter again")

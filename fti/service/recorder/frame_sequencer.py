@@ -42,19 +42,13 @@ class FrameSequencer:
            would number the frames of the first before older frames of the second
     """
 
-    def __init__(self, ring: Ring, soon: Callable[[Callable[[], None]], object]) -> None:
+    def __init__(self, ring: Ring, soon: Callable[[Callable[[], object]], object]) -> None:
         self._ring = ring
         self._soon = soon
         self._seq = ring.next_seq
         self._arrived: list[PendingFrames] = []
         self._latest: dict[int, PendingFrames] = {}
         self._waiting_bytes = 0
-
-    @property
-    def seq(self) -> int:
-        """The next sequence number; all earlier frames are in their buffers."""
-        self.flush()
-        return self._seq
 
     def sink(self, index: int, buffer: TripleBuffer) -> Sink:
         """A function that accepts frames of one link with their arrival times [ns]."""
@@ -74,14 +68,14 @@ class FrameSequencer:
 
         return accept
 
-    def flush(self) -> None:
-        """Number the pending frames, and pass them on.
+    def flush(self) -> int:
+        """Number the pending frames, and pass them on; returns the next number.
 
         The ring comes first: the next recorder continues from its number, so no file may hold a number that is not
         in the ring.
         """
         if not self._arrived:
-            return
+            return self._seq
         arrived, self._arrived, self._latest, self._waiting_bytes = self._arrived, [], {}, 0
         links, times, frames = _flat(arrived)
         first, self._seq = self._seq, self._seq + len(frames)
@@ -96,6 +90,7 @@ class FrameSequencer:
             end = at + len(share.frames)
             share.buffer.put_batch((seqs[at:end], share.times, share.frames, share.payload))
             at = end
+        return self._seq
 
 
 def _flat(arrived: Sequence[PendingFrames]) -> tuple[list[int], list[int], list[bytes]]:

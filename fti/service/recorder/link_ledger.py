@@ -82,14 +82,14 @@ class LinkLedger:
         self._units = units
         self._ticks = ticks
         self._sequencer = sequencer
-        self._recorder = {"pid": os.getpid(), "started_ns": started_ns, "first_seq": sequencer.seq}
+        self._recorder = {"pid": os.getpid(), "started_ns": started_ns, "first_seq": sequencer.flush()}
 
     def read(self, now: int, *, final: bool = False) -> dict[str, Any]:
         """The present ledger.  final : the last one."""
         return {
             "t_ns": now,
             "recorder": self._recorder,
-            "next_seq": self._sequencer.seq,
+            "next_seq": self._sequencer.flush(),
             "final": final,
             "ticks": buffer_account(self._ticks, None),
             "links": {unit.link.name: link_account(unit) for unit in self._units},

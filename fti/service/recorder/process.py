@@ -302,7 +302,7 @@ class RecorderProcess:
             "links": {unit.link.name: link_health(unit, now) for unit in self._units},
             "storage": self._storage.health(),
             "snapshot": self._snapshot.health() if self._snapshot else None,
-            "next_seq": self._sequencer.seq,
+            "next_seq": self._sequencer.flush(),
         }
 
 

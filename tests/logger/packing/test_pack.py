@@ -47,7 +47,7 @@ def test_a_packed_file_reads_the_same_and_becomes_the_same_again(path: Path) -> 
     assert done.after < done.before * 0.7
     assert read_closed(path) == messages == read_stream(path.read_bytes())
     packed = McapFile(path)
-    assert (list(packed.items()), packed.head(), packed.fault, packed.finished) == (items, head, None, True)
+    assert (list(packed.items()), packed.head(), packed.fault, packed.is_finished()) == (items, head, None, True)
     with path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
         assert summary
