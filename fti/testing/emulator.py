@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fti.testing.errors import BenchError
 from fti.testing.ports import LinkAddress, addresses, is_udp_port_bound, on_free_ports, write_config
-from fti.testing.process import BenchProcess
+from fti.testing.process import FTI, BenchProcess, quiet_environment
+from fti.testing.recorder import Recorder
 from fti.testing.toml_text import toml_text
+from fti.testing.workspace import Workspace
 
 if TYPE_CHECKING:
     from fti.config import Config
     from fti.hil.scenario import Scenario
     from fti.hil.tables.fault_types import Fault
-    from fti.testing.bench import Bench
     from fti.testing.flight import Flight
 
-FTI = (sys.executable, "-m", "fti.cli.main")
 TIMEOUT_PREPARE_S = 120.0
 TIMEOUT_BEGIN_S = 60.0
 #: The emulator writes the truth five times a second: without a row for this time it has stalled.
@@ -35,14 +34,15 @@ class Emulator:
     """Flies one scenario.
 
     links : address of each link, by name; truth : the truth file; scenario : of the flight, None before ``start``
+    end_flight : ends every program of the bench
     """
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
+    def __init__(self, workspace: Workspace, recorder: Recorder, end_flight: Callable[[], None]) -> None:
+        self._workspace, self._recorder, self._end_flight = workspace, recorder, end_flight
         self.process: BenchProcess | None = None
         self.links: dict[str, LinkAddress] = {}
         self.scenario: Scenario | None = None
-        self.truth = bench.folder / "flight_truth_000.mcap"
+        self.truth = workspace.truth
 
     def start(
         self,
@@ -68,19 +68,19 @@ class Emulator:
         if isinstance(scenario, str | Path):
             scenario = scenarios.load(scenarios.find(str(scenario)))
         moved = on_free_ports(scenarios.load_config(scenario, None if config is None else Path(config)))
-        ptys = self._bench.folder / "links"
+        ptys = self._workspace.folder / "links"
         self.scenario, self.links = scenario, addresses(moved, ptys)
         options = [] if duration_s is None else ["--duration", f"{duration_s}"]
         command = [*self._command(scenario, moved, ptys), *options, *["--wait"] * wait_for_ports]
-        self._bench.take_slot()
+        self._workspace.take_slot()
         self.process = BenchProcess(
-            "emulator", "emulator", command, self._bench.folder, environment=quiet_environment()
+            "emulator", "emulator", command, self._workspace.folder, environment=quiet_environment()
         )
         self._wait_until_ready(self.process)
 
     def _command(self, scenario: Scenario, config: Config, ptys: Path) -> list[str]:
         """Write the files of the flight, and return the command."""
-        folder = self._bench.folder
+        folder = self._workspace.folder
         scenario_file, sensors = folder / "scenario.toml", folder / "sensors.toml"
         write_scenario(scenario, scenario_file)
         write_config(config, sensors)
@@ -89,7 +89,7 @@ class Emulator:
             "--links": ptys,
             "--truth": self.truth,
             "--report": folder / "emulator_report.json",
-            "--run-dir": self._bench.recorder.run_dir,
+            "--run-dir": self._recorder.run_dir,
         }
         return [*FTI, "hil", str(scenario_file), *(str(one) for pair in options.items() for one in pair)]
 
@@ -99,7 +99,7 @@ class Emulator:
                 raise BenchError(f"the emulator ended with exit code {process.exit_code}\n{process.last_lines()}")
             return "ready\n" in process.output
 
-        self._bench.wait_for(is_ready, TIMEOUT_PREPARE_S, lambda: f"the emulator's ports\n{process.last_lines()}")
+        self._workspace.wait_for(is_ready, TIMEOUT_PREPARE_S, lambda: f"the emulator's ports\n{process.last_lines()}")
 
     @property
     def faults(self) -> tuple[Fault, ...]:
@@ -117,11 +117,10 @@ class Emulator:
         process = self.process
         if process is None:
             raise BenchError("the emulator was not started: call start(SCENARIO) first")
-        bench = self._bench
-        bench.wait_for(lambda: self._has_begun(process), begin_within_s, self._begin_failure)
+        self._workspace.wait_for(lambda: self._has_begun(process), begin_within_s, self._begin_failure)
         self._wait_for_end(process)
-        bench.end_flight()
-        return Flight(bench.recorder.session, bench.recorder.truth_in_session or self.truth, self.faults)
+        self._end_flight()
+        return Flight(self._recorder.session, self._recorder.truth_in_session or self.truth, self.faults)
 
     def _has_begun(self, process: BenchProcess) -> bool:
         if process.exit_code is not None:
@@ -153,7 +152,7 @@ class Emulator:
             return process.exit_code is not None
 
         try:
-            self._bench.wait_for(has_ended, float("inf"), lambda: "the end of the flight")
+            self._workspace.wait_for(has_ended, float("inf"), lambda: "the end of the flight")
         except BenchError:
             if process.ends_within(TIMEOUT_AFTER_PORTS_S) != 0:
                 raise
@@ -170,11 +169,6 @@ def write_scenario(scenario: Scenario, file: Path) -> None:
     """Write a scenario as TOML; its own faults include those of its profile."""
     table = scenario.model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude={"profile"})
     file.write_text(toml_text(table), encoding="utf-8")
-
-
-def quiet_environment() -> dict[str, str]:
-    """Environment of emulator and recorder, with unbuffered output."""
-    return {**os.environ, "PYTHONUNBUFFERED": "1"}
 
 
 def _has_listener(link: LinkAddress) -> bool:

@@ -7,6 +7,7 @@ import ctypes
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from fti.testing.errors import BenchError
 LAST_LINES = 30
 MAX_SHOWN_BYTES = 20_000
 PR_SET_PDEATHSIG = 1
+FTI = (sys.executable, "-m", "fti.cli.main")
 _LIBC = ctypes.CDLL(None)
 
 
@@ -94,6 +96,11 @@ class BenchProcess:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
         return self._process.wait()
+
+
+def quiet_environment() -> dict[str, str]:
+    """Environment of emulator and recorder, with unbuffered output."""
+    return {**os.environ, "PYTHONUNBUFFERED": "1"}
 
 
 def _end_with_parent() -> None:

@@ -6,19 +6,15 @@ import json
 import shutil
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fti import config as configuration
 from fti.devices import bind_devices
 from fti.service.run_directory import INFO
-from fti.testing.emulator import FTI, quiet_environment
 from fti.testing.errors import BenchError
 from fti.testing.ports import LinkAddress, addresses, on_free_ports, write_config
-from fti.testing.process import BenchProcess
+from fti.testing.process import FTI, BenchProcess, quiet_environment
 from fti.testing.pty_pair import PtyPair
-
-if TYPE_CHECKING:
-    from fti.testing.bench import Bench
+from fti.testing.workspace import Workspace
 
 TIMEOUT_START_S = 60.0
 TIMEOUT_END_S = 30.0
@@ -32,8 +28,8 @@ class Recorder:
     links : address of each link, by name; session : the session folder, None before ``start``
     """
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace = workspace
         self.process: BenchProcess | None = None
         self.links: dict[str, LinkAddress] = {}
         self.session: Path | None = None
@@ -44,7 +40,7 @@ class Recorder:
     @property
     def run_dir(self) -> Path:
         """Its run directory, as for ``fti watch``."""
-        return self._bench.run_folder / "run"
+        return self._workspace.run_folder / "run"
 
     def start(self, config: str | Path, *, real_ports: bool = False) -> None:
         """Record the links of a configuration.
@@ -56,23 +52,24 @@ class Recorder:
         """
         if self.process:
             raise BenchError("the recorder of this bench was already started")
-        bench = self._bench
+        workspace = self._workspace
         loaded = configuration.load(config)
         bind_devices(loaded)
         moved = on_free_ports(configuration.with_session(loaded, origin="hil"))
-        bench.take_slot()
-        unit_ends, own_ends = bench.folder / "unit_links", bench.folder / "recorder_links"
+        workspace.take_slot()
+        unit_ends, own_ends = workspace.folder / "unit_links", workspace.folder / "recorder_links"
         self.links = addresses(moved, None if real_ports else unit_ends)
-        file, out = bench.folder / "recorder.toml", bench.folder / "session"
+        file, out = workspace.folder / "recorder.toml", workspace.folder / "session"
         write_config(moved, file)
         command = [*FTI, "run", str(file), "--out", str(out), "--run-dir", str(self.run_dir)]
         if not real_ports:
             lines = [name for name, link in self.links.items() if link.path]
             self._cables = [PtyPair((unit_ends / name, own_ends / name)) for name in lines]
             command += ["--links", str(own_ends)] * bool(lines)
-        self.process = BenchProcess("recorder", "recorder", command, bench.folder, environment=quiet_environment())
+        self.process = BenchProcess("recorder", "recorder", command, workspace.folder, environment=quiet_environment())
+        workspace.needed.append(self.process)
         info_file = self.run_dir / INFO
-        bench.wait_for(info_file.is_file, TIMEOUT_START_S, lambda: "the recorder")
+        workspace.wait_for(info_file.is_file, TIMEOUT_START_S, lambda: "the recorder")
         self.session = Path(json.loads(info_file.read_text())["session"])
 
     def end(self) -> None:
@@ -80,7 +77,7 @@ class Recorder:
 
         Raises BenchError when the recording is incomplete.
         """
-        process, truth = self.process, self._bench.emulator.truth
+        process, truth = self.process, self._workspace.truth
         if process is None or self._has_ended:
             return
         self._has_ended = True

@@ -5,16 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
 
 from fti.testing.errors import BenchError, UnitKilledWarning
 from fti.testing.ports import is_tcp_port_open, is_udp_port_bound
 from fti.testing.process import BenchProcess
-
-if TYPE_CHECKING:
-    from fti.testing.bench import Bench
+from fti.testing.workspace import Workspace
 
 TIMEOUT_READY_S = 30.0
 TIMEOUT_END_S = 5.0
@@ -28,8 +26,8 @@ class UnitUnderTest:
     the unit binds), ``{recorder.LINK.port}`` (to which it sends), ``.host``, ``.peer_port``.  Write a brace twice.
     """
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
+    def __init__(self, workspace: Workspace, placeholders: Callable[[], Mapping[str, SimpleNamespace]]) -> None:
+        self._workspace, self._placeholders = workspace, placeholders
         self.programs: list[BenchProcess] = []
         self._end_methods: list[tuple[BenchProcess, int, float]] = []
 
@@ -63,11 +61,12 @@ class UnitUnderTest:
             title,
             f"unit_{number}",
             arguments,
-            self._bench.folder,
+            self._workspace.folder,
             environment={**os.environ, **variables},
             cwd=None if cwd is None else Path(cwd),
         )
         self.programs.append(program)
+        self._workspace.needed.append(program)
         self._end_methods.append((program, end_signal, end_within_s))
         udp, tcp = (self._port(port) for port in (ready_udp_port, ready_tcp_port))
 
@@ -80,7 +79,7 @@ class UnitUnderTest:
 
         conditions = {"text": ready_text, "UDP port": udp, "TCP port": tcp}
         text = ", ".join(f"{kind} {value!r}" for kind, value in conditions.items() if value is not None)
-        self._bench.wait_for(is_ready, ready_within_s, lambda: f"{text} of {title}\n{program.last_lines()}")
+        self._workspace.wait_for(is_ready, ready_within_s, lambda: f"{text} of {title}\n{program.last_lines()}")
         return program
 
     def _port(self, port: str | int | None) -> int | None:
@@ -89,9 +88,9 @@ class UnitUnderTest:
     def _fill_placeholders(self, text: str) -> str:
         """A text with its placeholders filled in.  Raises BenchError, which names the existing links."""
         try:
-            return text.format(**self._bench.placeholders)
+            return text.format(**self._placeholders())
         except (AttributeError, KeyError, IndexError, ValueError) as error:
-            links = [f"{part}.{name}" for part, found in self._bench.placeholders.items() for name in vars(found)]
+            links = [f"{part}.{name}" for part, found in self._placeholders().items() for name in vars(found)]
             raise BenchError(
                 f"{text!r}: invalid placeholder ({error}); links: {', '.join(links) or 'none yet'}, each with .path, "
                 ".host, .port and .peer_port; write a brace twice"

@@ -201,7 +201,8 @@ class InertialNavigator:
             return mode, (Reason.ALIGNING, *self._missing, *again)
         if self._unconfirmed:
             return FilterMode.ALIGNING, (Reason.ALIGNING,)
-        newest, states = self._timeline.replay_newest(), self._timeline.replay_newest().gate_states
+        newest = self._timeline.replay_newest()
+        states = newest.gate_states
         table = ((Reason.REJECTED, rejected_names(states)), (Reason.EXCLUDED, excluded_names(states)))
         reasons = tuple(reason for reason, names in table if names)
         if max(newest.estimate.sd_n[:3]) > MAX_SD_M:
@@ -221,7 +222,8 @@ class InertialNavigator:
             return FilterSolution(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=reported, mode=mode)
         assert self._timeline is not None
         (lat, lon, alt), (roll, pitch, heading), rpy_sd = estimate.geodetic, estimate.rpy, estimate.rpy_sd
-        (north, east, down), sd, states = estimate.vel_n.tolist(), estimate.sd_n, self._timeline.replay_newest().gate_states
+        (north, east, down), sd = estimate.vel_n.tolist(), estimate.sd_n
+        states = self._timeline.replay_newest().gate_states
         return FilterSolution(
             t_ns=t_ns, t_valid_ns=estimate.t_ns, valid=True, reasons=reasons, mode=mode,
             lat=lat, lon=lon, alt=alt, horizontal_sd=float(max(sd[0], sd[1])), vertical_sd=float(sd[2]),
