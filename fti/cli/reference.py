@@ -210,7 +210,7 @@ def _spread(args: argparse.Namespace) -> Spread:
 def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tuple[Terrain, ...]:
     """The demonstration's terrain with low to high vegetation, or the terrain of the files."""
     from fti.terrain.demo_scene import VEGETATION, demo_scene
-    from fti.terrain.terrain import Terrain
+    from fti.terrain.files.open_terrain import open_terrain
 
     if args.terrain == ["demo"]:
         scenes = []
@@ -219,7 +219,7 @@ def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tupl
             bars.update("terrain", len(scenes) / len(VEGETATION))
         return tuple(scenes)
     lat, lon = path.to_geodetic(args.s_max / 2, 0.0)
-    terrain = Terrain.open(
+    terrain = open_terrain(
         args.terrain,
         centre=(float(lat), float(lon)),
         radius_m=args.s_max / 2 + TERRAIN_MARGIN_M,

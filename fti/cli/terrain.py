@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _arguments(args: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of ``Terrain.open`` and ``survey``, without the files."""
+    """Arguments of ``open_terrain`` and ``survey``, without the files."""
     vertical: dict[str, str] = {}
     for word in args.vertical:
         file, _, datum = word.rpartition("=")
@@ -118,11 +118,11 @@ def _info(args: argparse.Namespace) -> int:
 def _plot(args: argparse.Namespace) -> int:
     from fti.cli._read_report import progress_bar
     from fti.cli._terrain_map import write_map
-    from fti.terrain.terrain import Terrain
+    from fti.terrain.files.open_terrain import open_terrain
 
     with progress_bar() as bar:
         task = bar.add_task("reading", total=1.0)
-        terrain = Terrain.open(args.files, **_arguments(args), progress=lambda share: bar.update(task, completed=share))
+        terrain = open_terrain(args.files, **_arguments(args), progress=lambda share: bar.update(task, completed=share))
         drawing = bar.add_task("drawing", total=None)
         write_map(terrain, args.out, args.profile)
         bar.update(drawing, total=1.0, completed=1.0)

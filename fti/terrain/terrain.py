@@ -16,8 +16,6 @@ from __future__ import annotations
 
 import functools
 import math
-import os
-from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -82,45 +80,6 @@ class Terrain:
         """
         layer = Layer(np.asarray(heights, dtype=np.float64), float(cell_m), float(east0), float(north0))
         return cls((layer,), LocalFrame(lat0, lon0, alt0))
-
-    @classmethod
-    def open(
-        cls,
-        paths: Sequence[str | os.PathLike[str]],
-        *,
-        centre: tuple[float, float] | None = None,
-        radius_m: float | None = None,
-        cell_m: float | None = None,
-        vertical: str | Mapping[str, str] | None = None,
-        progress: Callable[[float], None] | None = None,
-        local_only: bool = False,
-    ) -> Terrain:
-        """A terrain from elevation files: GeoTIFF, DTED, SRTM HGT, or any format of GDAL, in any mixture.
-
-        paths    : the files; where several overlap the finest one counts, then the first one
-        centre   : latitude, longitude of the frame's origin [rad]; with radius_m [m] the area is the square around it.
-                   Neither: all that the files cover.  The frame lies on the ellipsoid, ``alt0`` is 0
-        cell_m   : between the posts of the finest layer [m]; None: as far apart as those of the finest file
-        vertical : vertical datum of files that do not state it: ``egm96``, ``egm2008`` or ``ellipsoid``; or a mapping
-                   from paths to these, ``*`` for the others
-        progress : receives the progress, 0 to 1
-        local_only : a recording names the files: only single local ones of the formats GTiff, SRTMHGT, DTED, AAIGrid
-                   and HFA are opened, also in a local zip; no sidecar files, no address
-        Raises MissingError for a missing file or geoid grid; ConfigError for a file that is not an elevation file or
-        has no coordinate system or vertical datum, if no file touches the area, and for an area too large for its cell;
-        ValueError for invalid arguments.
-        """
-        from fti.terrain.files.open_terrain import open_terrain  # noqa: PLC0415 - GDAL and PROJ are slow to load
-
-        return open_terrain(
-            [os.fspath(path) for path in paths],
-            centre=centre,
-            radius_m=radius_m,
-            cell_m=cell_m,
-            vertical=vertical,
-            progress=progress,
-            local_only=local_only,
-        )
 
     @property
     def finest(self) -> Layer:

@@ -16,7 +16,7 @@ from fti.config import Config
 from fti.hil import offline_run
 from fti.hil.environment import Environment
 from fti.hil.tables.schema import SensorSettings
-from fti.terrain.terrain import Terrain
+from fti.terrain.files.open_terrain import open_terrain
 from tests.hil.worlds import path, scenario
 from tests.terrain.elevation_files import Array, write_ground
 
@@ -102,7 +102,7 @@ def session(folder: Path, config: Config) -> Path:
         sensor={"altimeter": SensorSettings.model_validate(truth)},
         seed=4,
     )
-    terrain = Terrain.open([str(folder / "hills.tif")], vertical="ellipsoid")
+    terrain = open_terrain([str(folder / "hills.tif")], vertical="ellipsoid")
     return offline_run.fly(config, plan, folder, world=Environment(plan, path(), terrain, undulation=47.0))
 
 

@@ -13,6 +13,7 @@ from matplotlib.legend import Legend
 
 from fti.cli.main import main
 from fti.errors import ConfigError
+from fti.terrain.files.open_terrain import open_terrain
 from fti.terrain.terrain import Terrain
 from tests.terrain.elevation_files import LAT, LON, Array, write_ground
 
@@ -77,7 +78,7 @@ def test_info_for_programs_has_the_layers(files: list[str], capsys: pytest.Captu
     assert fine["holes"] == pytest.approx(math.pi * 45.0**2 / 16.0, rel=0.05)
     assert fine["south_deg"] < LAT < fine["north_deg"]
     centre = math.radians(LAT), math.radians(LON)
-    terrain = Terrain.open(files, vertical="ellipsoid", centre=centre, radius_m=700.0)
+    terrain = open_terrain(files, vertical="ellipsoid", centre=centre, radius_m=700.0)
     found = [(layer["cell_m"], layer["rows"], layer["columns"], layer["east_m"]) for layer in table["layers"]]
     assert found == [(la.cell_m, *la.heights.shape, [la.east0, la.east1]) for la in terrain.layers]
     assert [layer["files"] for layer in table["layers"]] == [[0], [1]]
@@ -120,13 +121,13 @@ def test_the_picture_shows_heights_holes_seams_and_sources(files: list[str]) -> 
     from fti.cli import _terrain_map
 
     centre = math.radians(LAT), math.radians(LON)
-    fine = Terrain.open(files[:1], vertical="ellipsoid", centre=centre, radius_m=150.0)
+    fine = open_terrain(files[:1], vertical="ellipsoid", centre=centre, radius_m=150.0)
     holed = _terrain_map.draw_map(fine, None)
     relief, sources = holed.axes[0], holed.axes[1]
     assert relief.get_xlabel() == "east [m]"
     assert "no height" in texts_of(relief.get_legend())
     assert texts_of(sources.get_legend()) == ["fine.tif"]
-    both = Terrain.open(files, vertical="ellipsoid", centre=centre, radius_m=700.0)
+    both = open_terrain(files, vertical="ellipsoid", centre=centre, radius_m=700.0)
     relief = _terrain_map.draw_map(both, None).axes[0]
     assert relief.get_legend() is None  # the coarse file knows the ground of the hole
     assert "4 m" in [text.get_text() for text in relief.texts]
@@ -139,7 +140,7 @@ def test_a_picture_of_next_to_nothing(files: list[str]) -> None:
     from fti.cli import _terrain_map
 
     centre = math.radians(LAT), math.radians(LON)
-    sources = Terrain.open(files[:1], vertical="ellipsoid", centre=centre, radius_m=150.0).sources
+    sources = open_terrain(files[:1], vertical="ellipsoid", centre=centre, radius_m=150.0).sources
     for first in (201, 202):
         heights = np.full((400, 400), np.nan)
         heights[first : first + 2, first : first + 2] = 640.0

@@ -27,16 +27,16 @@ Progress = Callable[[float], None]
 def load_terrain(settings: TerrainFiles, progress: Progress | None = None, *, local_only: bool = False) -> Ground:
     """The terrain of a configuration.  progress : called with the loaded share, 0 to 1
 
-    local_only : see ``Terrain.open``; for the configuration of a recording
+    local_only : see ``open_terrain``; for the configuration of a recording
 
-    Raises ConfigError or MissingError as ``Terrain.open`` does.
+    Raises ConfigError or MissingError as ``open_terrain`` does.
     """
-    from fti.terrain.terrain import Terrain  # noqa: PLC0415 - numba: only loaded if needed
-
     if settings.scene:
         return Ground(_scene(settings.scene), settings.sd_m, f"scene {settings.scene}")
+    from fti.terrain.files.open_terrain import open_terrain  # noqa: PLC0415 - numba, GDAL: only loaded if needed
+
     centre = settings.centre_deg
-    terrain = Terrain.open(
+    terrain = open_terrain(
         settings.files,
         centre=(math.radians(centre[0]), math.radians(centre[1])) if centre else None,
         radius_m=settings.radius_m,

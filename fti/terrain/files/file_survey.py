@@ -74,7 +74,7 @@ def survey(
     vertical: str | Mapping[str, str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> TerrainSurvey:
-    """Read all posts of the files; arguments and exceptions are those of ``Terrain.open``.
+    """Read all posts of the files; arguments and exceptions are those of ``open_terrain``.
 
     A missing geoid, and an area that is too large or not touched, are reported in the result.
     """
@@ -107,7 +107,7 @@ def survey_layers(
     cell_m: float | None = None,
     vertical: str | Mapping[str, str] | None = None,
 ) -> tuple[LayerSurvey, ...]:
-    """The layers alone, for which few posts are read; arguments and exceptions are those of ``Terrain.open``."""
+    """The layers alone, for which few posts are read; arguments and exceptions are those of ``open_terrain``."""
     check_arguments(paths, centre, radius_m, cell_m)
     words = datum_names_by_file(vertical, paths)
     with contextlib.ExitStack() as stack:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -34,22 +35,37 @@ _EDGE_STEP = 1e-6
 
 
 def open_terrain(
-    paths: Sequence[str],
+    paths: Sequence[str | os.PathLike[str]],
     *,
-    centre: tuple[float, float] | None,
-    radius_m: float | None,
-    cell_m: float | None,
-    vertical: str | Mapping[str, str] | None,
-    progress: Callable[[float], None] | None,
+    centre: tuple[float, float] | None = None,
+    radius_m: float | None = None,
+    cell_m: float | None = None,
+    vertical: str | Mapping[str, str] | None = None,
+    progress: Callable[[float], None] | None = None,
     local_only: bool = False,
 ) -> Terrain:
-    """The terrain of elevation files; the arguments are those of ``Terrain.open``."""
-    check_arguments(paths, centre, radius_m, cell_m)
-    words = datum_names_by_file(vertical, paths)
+    """A terrain from elevation files: GeoTIFF, DTED, SRTM HGT, or any format of GDAL, in any mixture.
+
+    paths    : the files; where several overlap the finest one counts, then the first one
+    centre   : latitude, longitude of the frame's origin [rad]; with radius_m [m] the area is the square around it.
+               Neither: all that the files cover.  The frame lies on the ellipsoid, ``alt0`` is 0
+    cell_m   : between the posts of the finest layer [m]; None: as far apart as those of the finest file
+    vertical : vertical datum of files that do not state it: ``egm96``, ``egm2008`` or ``ellipsoid``; or a mapping
+               from paths to these, ``*`` for the others
+    progress : receives the progress, 0 to 1
+    local_only : a recording names the files: only single local ones of the formats GTiff, SRTMHGT, DTED, AAIGrid
+               and HFA are opened, also in a local zip; no sidecar files, no address
+    Raises MissingError for a missing file or geoid grid; ConfigError for a file that is not an elevation file or
+    has no coordinate system or vertical datum, if no file touches the area, and for an area too large for its cell;
+    ValueError for invalid arguments.
+    """
+    names = [os.fspath(path) for path in paths]
+    check_arguments(names, centre, radius_m, cell_m)
+    words = datum_names_by_file(vertical, names)
     with contextlib.ExitStack() as stack:
         if local_only:
             stack.enter_context(local_environment())
-        opened = (ElevationFile(path, words, local_only=local_only) for path in paths)
+        opened = (ElevationFile(path, words, local_only=local_only) for path in names)
         files = [stack.enter_context(contextlib.closing(file)) for file in opened]
         geoids = load_geoids(files)
         frame, area = place_area(files, centre, radius_m)

@@ -15,6 +15,7 @@ from rasterio.shutil import copy
 
 from fti.errors import ConfigError, FtiError
 from fti.terrain.files.local_only import local_environment, open_local
+from fti.terrain.files.open_terrain import open_terrain
 from fti.terrain.terrain import Terrain
 from tests.terrain.elevation_files import LAT, LON, Array, from_origin, write_ground, write_hgt, write_tif
 
@@ -56,7 +57,7 @@ def _tif(folder: Path, name: str = "a.tif") -> str:
 
 
 def _open(path: str, *, local_only: bool) -> Terrain:
-    return Terrain.open([path], centre=CENTRE, radius_m=100.0, vertical={path: "ellipsoid"}, local_only=local_only)
+    return open_terrain([path], centre=CENTRE, radius_m=100.0, vertical={path: "ellipsoid"}, local_only=local_only)
 
 
 def test_the_promised_formats_are_opened_as_by_a_user(tmp_path: Path) -> None:

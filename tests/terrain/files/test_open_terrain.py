@@ -14,9 +14,10 @@ from fti.errors import ConfigError, MissingError
 from fti.geodesy import geoid as geoids
 from fti.geodesy.geoid import load_geoid
 from fti.terrain.file_info import NO_SOURCE
-from fti.terrain.files import open_terrain, resample
+from fti.terrain.files import resample
 from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.mosaic import Mosaic, assemble
+from fti.terrain.files.open_terrain import open_terrain
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.seams import check_stack
 from fti.terrain.terrain import Terrain
@@ -86,7 +87,7 @@ def test_a_projected_file_keeps_its_surface(
 
     path = write_ground(tmp_path / "dem.tif", wavy, crs, 240, 25.0, at=place)
     centre = math.radians(place[0]), math.radians(place[1])
-    terrain = Terrain.open([path], centre=centre, radius_m=1000.0, vertical="ellipsoid")
+    terrain = open_terrain([path], centre=centre, radius_m=1000.0, vertical="ellipsoid")
     assert terrain.finest.cell_m == pytest.approx(float(f"{min(terrain.sources[0].spacing_m):.3g}"))
     check_against(terrain, path, False, metres)
 
@@ -96,7 +97,7 @@ def test_a_projected_file_keeps_its_surface(
 )
 def test_a_geographic_file_may_be_turned(tmp_path: Path, transform: Affine) -> None:
     path = write_ground(tmp_path / "dem.tif", hills, "EPSG:4326", 300, 0.0, transform=transform)
-    terrain = Terrain.open([path], centre=CENTRE, radius_m=1500.0, vertical="ellipsoid")
+    terrain = open_terrain([path], centre=CENTRE, radius_m=1500.0, vertical="ellipsoid")
     check_against(terrain, path, undulated=False)
 
 
@@ -104,7 +105,7 @@ def test_a_geographic_file_may_be_turned(tmp_path: Path, transform: Affine) -> N
 @pytest.mark.parametrize("write", [write_hgt, write_dted])
 def test_formats_that_are_above_sea_level(tmp_path: Path, write: type) -> None:
     path = write(tmp_path, hills)
-    terrain = Terrain.open([path], centre=CENTRE, radius_m=8000.0)
+    terrain = open_terrain([path], centre=CENTRE, radius_m=8000.0)
     assert (terrain.sources[0].vertical, terrain.sources[0].vertical_by) == ("egm96", "its format")
     check_against(terrain, path, undulated=True)
 
@@ -113,13 +114,13 @@ def test_a_change_of_datum_that_is_unknown_there_is_refused(tmp_path: Path) -> N
     """Swiss coordinates near Munich: PROJ would take the datums for one and be 100 m off."""
     path = write_ground(tmp_path / "dem.tif", hills, "EPSG:2056", 50, 25.0)
     with pytest.raises(ConfigError, match=r"no transformation from WGS84 to 'CH1903\+ / LV95' in the area of the file"):
-        Terrain.open([path], vertical="ellipsoid")
+        open_terrain([path], vertical="ellipsoid")
 
 
 def test_far_from_the_origin_the_earth_falls_away(tmp_path: Path) -> None:
     """80 km from the frame's origin ``up`` is 500 m below the height, and still exact."""
     path = write_ground(tmp_path / "dem.tif", hills, UTM, 200, 50.0, at=(LAT + 0.7, LON))
-    terrain = Terrain.open([path], centre=CENTRE, radius_m=85_000.0, vertical="ellipsoid")
+    terrain = open_terrain([path], centre=CENTRE, radius_m=85_000.0, vertical="ellipsoid")
     assert np.nanmean(terrain.finest.heights) == pytest.approx(700.0 - 77_800.0**2 / 2 / EARTH, abs=150.0)
     check_against(terrain, path, undulated=False)
 
@@ -133,7 +134,7 @@ def test_across_the_antimeridian(tmp_path: Path) -> None:
         )
         for west, high in ((179.9, 100.0), (-180.0, 101.0))
     ]
-    terrain = Terrain.open(paths, vertical="ellipsoid")
+    terrain = open_terrain(paths, vertical="ellipsoid")
     assert terrain.height(0.0, math.radians(179.95)) == pytest.approx(100.0, abs=1e-3)
     assert terrain.height(0.0, math.radians(-179.95)) == pytest.approx(101.0, abs=1e-3)
     assert 100.0 < terrain.height(0.0, math.pi) < 101.0
@@ -144,7 +145,7 @@ def test_across_the_antimeridian(tmp_path: Path) -> None:
 def test_a_post_is_the_middle_of_its_pixel(tmp_path: Path, pixel: str) -> None:
     """GDAL writes the tie point of a point raster half a pixel in, and takes it back when it reads."""
     path = write_ground(tmp_path / "dem.tif", hills, UTM, 100, 20.0, tags={"AREA_OR_POINT": pixel})
-    terrain = Terrain.open([path], centre=CENTRE, radius_m=500.0, vertical="ellipsoid")
+    terrain = open_terrain([path], centre=CENTRE, radius_m=500.0, vertical="ellipsoid")
     assert terrain.sources[0].pixel == pixel.lower()
     check_against(terrain, path, undulated=False)
     lat, lon, _ = back_to_earth(terrain, np.array([100.0]), np.array([-200.0]), np.array([700.0]))
@@ -155,13 +156,13 @@ def test_a_post_is_the_middle_of_its_pixel(tmp_path: Path, pixel: str) -> None:
 @pytest.mark.parametrize(("units", "metres"), [("metre", 1.0), ("ft", 0.3048), ("US survey foot", 1200 / 3937)])
 def test_heights_in_feet(tmp_path: Path, units: str, metres: float) -> None:
     path = write_ground(tmp_path / "dem.tif", level, UTM, 50, 10.0, units=units)
-    terrain = Terrain.open([path], centre=CENTRE, radius_m=100.0, vertical="ellipsoid")
+    terrain = open_terrain([path], centre=CENTRE, radius_m=100.0, vertical="ellipsoid")
     assert terrain.height(*CENTRE) == pytest.approx(640.0 * metres, abs=1e-3)
 
 
 def test_the_vertical_part_of_the_coordinate_system_has_a_unit_too(tmp_path: Path) -> None:
     path = write_ground(tmp_path / "dem.tif", level, "EPSG:32632+6360", 50, 10.0)  # NAVD88 in US survey feet
-    terrain = Terrain.open([path], centre=CENTRE, radius_m=100.0, vertical={path: "ellipsoid"})
+    terrain = open_terrain([path], centre=CENTRE, radius_m=100.0, vertical={path: "ellipsoid"})
     assert terrain.height(*CENTRE) == pytest.approx(640.0 * 1200 / 3937, abs=1e-3)
 
 
@@ -169,7 +170,7 @@ def test_scale_and_offset_of_the_file_count(tmp_path: Path) -> None:
     path = write_ground(tmp_path / "dem.tif", level, UTM, 50, 10.0)
     with rasterio.open(path, "r+") as file:
         file.scales, file.offsets = (0.5,), (100.0,)
-    terrain = Terrain.open([path], centre=CENTRE, radius_m=100.0, vertical="ellipsoid")
+    terrain = open_terrain([path], centre=CENTRE, radius_m=100.0, vertical="ellipsoid")
     assert terrain.height(*CENTRE) == pytest.approx(420.0, abs=1e-3)
 
 
@@ -187,19 +188,19 @@ def test_the_datum_moves_the_surface_by_the_undulation(tmp_path: Path) -> None:
         ("EPSG:32632+5773", "egm96", 640.0 + here, "its coordinate system"),
     ]:
         path = write_ground(tmp_path / "dem.tif", level, crs, 50, 10.0)
-        terrain = Terrain.open([path], centre=CENTRE, radius_m=100.0, vertical=vertical)
+        terrain = open_terrain([path], centre=CENTRE, radius_m=100.0, vertical=vertical)
         assert terrain.height(*CENTRE) == pytest.approx(expected, abs=1e-3)
         assert terrain.sources[0].vertical_by == by
     path = write_ground(tmp_path / "dem.tif", level, "EPSG:4979", 50, 1e-4)
-    assert Terrain.open([path], centre=CENTRE, radius_m=100.0).height(*CENTRE) == pytest.approx(640.0, abs=1e-3)
+    assert open_terrain([path], centre=CENTRE, radius_m=100.0).height(*CENTRE) == pytest.approx(640.0, abs=1e-3)
 
 
 def test_a_missing_geoid_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_ground(tmp_path / "dem.tif", level, "EPSG:32632+3855", 50, 10.0)
     monkeypatch.setattr(geoids, "grid_directories", lambda: (tmp_path,))
-    monkeypatch.setattr(open_terrain, "load_geoid", load_geoid.__wrapped__)
+    monkeypatch.setattr("fti.terrain.files.open_terrain.load_geoid", load_geoid.__wrapped__)
     with pytest.raises(MissingError, match=r"egm2008 \(us_nga_egm08_25\.tif") as refused:
-        Terrain.open([path])
+        open_terrain([path])
     assert str(tmp_path) in str(refused.value)
 
 
@@ -219,7 +220,7 @@ def test_a_plane_costs_nothing_but_the_curvature_of_the_earth(tmp_path: Path) ->
     x0, y0 = to_utm.transform(LON, LAT)
     path = write_ground(tmp_path / "dem.tif", plane, UTM, 200, 10.0)
     for cell in (7.0, 12.5, 31.0):
-        terrain = Terrain.open([path], centre=CENTRE, radius_m=600.0, cell_m=cell, vertical="ellipsoid")
+        terrain = open_terrain([path], centre=CENTRE, radius_m=600.0, cell_m=cell, vertical="ellipsoid")
         lat, lon = (np.radians(np.random.default_rng(3).uniform(c - 0.004, c + 0.004, 500)) for c in (LAT, LON))
         error = terrain.height(lat, lon) - plane(np.degrees(lat), np.degrees(lon))
         assert np.abs(error).max() < 2 * cell**2 / 8 / EARTH + 5e-5
@@ -237,7 +238,7 @@ def test_a_paraboloid_costs_what_is_stated(tmp_path: Path) -> None:
     lat, lon = (np.radians(np.random.default_rng(3).uniform(c - 0.003, c + 0.003, 1500)) for c in (LAT, LON))
     surface = bilinear_in(path, np.degrees(lat), np.degrees(lon))
     for cell in (5.0, 10.0, 20.0):
-        terrain = Terrain.open([path], centre=CENTRE, radius_m=600.0, cell_m=cell, vertical="ellipsoid")
+        terrain = open_terrain([path], centre=CENTRE, radius_m=600.0, cell_m=cell, vertical="ellipsoid")
         error = terrain.height(lat, lon) - bowl(np.degrees(lat), np.degrees(lon))
         bound = 2 * curvature * (cell**2 + spacing**2) / 8
         assert 0.6 * bound < error.max() < 1.02 * bound
@@ -264,7 +265,7 @@ def test_tiles_of_one_lattice_leave_no_gap(tmp_path: Path) -> None:
         for j in (0, 100)
     ]
     arguments: dict[str, Any] = {"centre": CENTRE, "radius_m": 700.0, "vertical": "ellipsoid"}
-    one, four = Terrain.open([whole], **arguments), Terrain.open(tiles, **arguments)
+    one, four = open_terrain([whole], **arguments), open_terrain(tiles, **arguments)
     np.testing.assert_allclose(four.finest.heights, one.finest.heights, rtol=0, atol=1e-9)
     numbers = {int(four.source(e, n)) for e in (-500.0, 500.0) for n in (-500.0, 500.0)}
     assert numbers == {0, 1, 2, 3}
@@ -278,7 +279,7 @@ def test_tiles_of_two_lattices_leave_no_gap(tmp_path: Path) -> None:
         edge = move(file.transform, 100, 0)
     corner = from_origin(*edge, 12.0, 12.0)
     east = write_ground(tmp_path / "east.tif", hills, UTM, 80, 0.0, transform=corner)
-    terrain = Terrain.open([west, east], vertical="ellipsoid")
+    terrain = open_terrain([west, east], vertical="ellipsoid")
     assert len(terrain.layers) == 1
     places, across = np.linspace(-900.0, 900.0, 1801), np.linspace(-400.0, 400.0, 81)
     assert not np.isnan(terrain.up(places[None, :], across[:, None])).any()
@@ -313,7 +314,7 @@ def test_tiles_of_two_datums_keep_each_its_own(tmp_path: Path) -> None:
     west, north = rasterio_corner(south)
     upper = from_origin(west, north + 1000.0, 10.0, 10.0)
     other = write_ground(tmp_path / "north.tif", level, UTM, 100, 0.0, transform=upper)
-    terrain = Terrain.open([south, other], vertical={south: "egm96", other: "ellipsoid"})
+    terrain = open_terrain([south, other], vertical={south: "egm96", other: "ellipsoid"})
     lat = CENTRE[0] + 1000.0 / EARTH
     undulation = float(load_geoid("egm96").undulation(*CENTRE))
     assert terrain.height(*CENTRE) == pytest.approx(640.0 + undulation, abs=1e-2)
@@ -331,7 +332,7 @@ def test_where_files_overlap_the_finest_counts_then_the_first(tmp_path: Path) ->
     high = write_ground(tmp_path / "high.tif", level, UTM, 100, 10.0)
     fine = write_ground(tmp_path / "fine.tif", lambda lat, lon: level(lat, lon) + 10.0, UTM, 50, 8.0)
     for paths, expected in (([low, high], 600.0), ([high, low], 640.0), ([low, high, fine], 650.0)):
-        terrain = Terrain.open(paths, centre=CENTRE, radius_m=300.0, vertical="ellipsoid")
+        terrain = open_terrain(paths, centre=CENTRE, radius_m=300.0, vertical="ellipsoid")
         assert terrain.height(*CENTRE) == pytest.approx(expected, abs=1e-3)
         assert len(terrain.layers) == 1  # 8 and 10 m are one layer
 
@@ -342,7 +343,7 @@ def test_of_files_about_as_fine_the_first_counts(tmp_path: Path) -> None:
     corner = from_origin(LON - 0.003, LAT + 0.003, 1e-4, 1e-4)
     south = write_tif(tmp_path / "south.tif", np.full((90, 60), 600.0), "EPSG:4326", corner)
     for paths, expected in (([north, south], 640.0), ([south, north], 600.0)):
-        terrain = Terrain.open(paths, centre=CENTRE, radius_m=100.0, vertical="ellipsoid")
+        terrain = open_terrain(paths, centre=CENTRE, radius_m=100.0, vertical="ellipsoid")
         assert terrain.height(*CENTRE) == pytest.approx(expected, abs=1e-3)
 
 
@@ -357,7 +358,7 @@ def fine_over_coarse(tmp_path: Path) -> Terrain:
 
     fine = write_ground(tmp_path / "fine.tif", wooded, UTM, 240, 2.0, nodata=-9999.0)
     coarse = write_ground(tmp_path / "coarse.tif", hills, GAUSS_KRUEGER, 100, 30.0)
-    return Terrain.open([coarse, fine], centre=CENTRE, radius_m=1000.0, vertical="ellipsoid")
+    return open_terrain([coarse, fine], centre=CENTRE, radius_m=1000.0, vertical="ellipsoid")
 
 
 def test_a_fine_layer_lies_in_a_coarse_one_without_a_gap(fine_over_coarse: Terrain) -> None:
@@ -375,7 +376,7 @@ def test_a_fine_layer_lies_in_a_coarse_one_without_a_gap(fine_over_coarse: Terra
 def test_where_the_area_cuts_the_fine_file_it_ends_on_the_coarse_one(tmp_path: Path) -> None:
     fine = write_ground(tmp_path / "fine.tif", lambda lat, lon: hills(lat, lon) + 9.0, UTM, 200, 4.0)
     coarse = write_ground(tmp_path / "coarse.tif", hills, UTM, 100, 20.0)
-    terrain = Terrain.open([fine, coarse], centre=CENTRE, radius_m=200.0, vertical="ellipsoid")
+    terrain = open_terrain([fine, coarse], centre=CENTRE, radius_m=200.0, vertical="ellipsoid")
     below = Terrain(terrain.layers[1:], terrain.frame)
     layer = terrain.finest
     above = layer.heights - below.up(layer.east[None, :], layer.north[:, None])
@@ -409,7 +410,7 @@ def test_beside_a_hole_of_the_coarse_file_nothing_more_is_lost(tmp_path: Path) -
 
     fine = write_ground(tmp_path / "fine.tif", strip, UTM, 100, 4.0)
     coarse = write_ground(tmp_path / "coarse.tif", half, UTM, 60, 20.0)
-    terrain = Terrain.open([fine, coarse], centre=CENTRE, radius_m=400.0, vertical="ellipsoid")
+    terrain = open_terrain([fine, coarse], centre=CENTRE, radius_m=400.0, vertical="ellipsoid")
     east, north = np.random.default_rng(6).uniform(-200.0, 200.0, (2, 20_000))
     known = np.isfinite(Terrain(terrain.layers[1:], terrain.frame).up(east, north))
     assert 0.4 < known.mean() < 0.6
@@ -421,7 +422,7 @@ def test_three_resolutions_lie_in_each_other(tmp_path: Path) -> None:
         write_ground(tmp_path / f"{step}.tif", hills, UTM, size, step)
         for step, size in ((100.0, 60), (25.0, 80), (4.0, 100))
     ]
-    terrain = Terrain.open(paths, centre=CENTRE, radius_m=2500.0, vertical="ellipsoid")
+    terrain = open_terrain(paths, centre=CENTRE, radius_m=2500.0, vertical="ellipsoid")
     cells = [layer.cell_m for layer in terrain.layers]
     assert [round(cells[1] / cells[0]), round(cells[2] / cells[1])] == [6, 4]
     assert [int(terrain.source(e, 0.0)) for e in (0.0, 500.0, 2000.0)] == [2, 1, 0]
@@ -437,7 +438,7 @@ def test_a_hole_is_a_hole(tmp_path: Path, void: float, nodata: float | None) -> 
         return np.where(np.hypot((lat - LAT) * 111e3, (lon - LON) * 74e3) < 55.0, void, 640.0)
 
     path = write_ground(tmp_path / "dem.tif", with_hole, UTM, 100, 10.0, nodata=nodata)
-    terrain = Terrain.open([path], centre=CENTRE, radius_m=300.0, vertical="ellipsoid")
+    terrain = open_terrain([path], centre=CENTRE, radius_m=300.0, vertical="ellipsoid")
     assert np.isnan(terrain.up(0.0, 0.0))
     assert terrain.source(0.0, 0.0) == NO_SOURCE
     assert np.isfinite(terrain.up([150.0, 0.0], [0.0, -200.0])).all()
@@ -454,7 +455,7 @@ def test_a_height_that_no_ground_has_is_refused(tmp_path: Path) -> None:
 
     path = write_ground(tmp_path / "dem.tif", forgotten, UTM, 100, 10.0)
     with pytest.raises(ConfigError, match=r"dem\.tif: a height of -9999 m; must be -500 to 9000 m"):
-        Terrain.open([path], vertical="ellipsoid")
+        open_terrain([path], vertical="ellipsoid")
 
 
 # ------------------------------------------------------------------------------------------------------------- area
@@ -462,7 +463,7 @@ def test_a_height_that_no_ground_has_is_refused(tmp_path: Path) -> None:
 
 def test_without_an_area_all_that_the_files_cover(tmp_path: Path) -> None:
     path = write_ground(tmp_path / "dem.tif", hills, UTM, 100, 10.0)
-    terrain = Terrain.open([path], vertical="ellipsoid")
+    terrain = open_terrain([path], vertical="ellipsoid")
     assert terrain.frame.lat0 == pytest.approx(CENTRE[0], abs=1e-5)
     assert terrain.frame.lon0 == pytest.approx(CENTRE[1], abs=1e-5)
     assert terrain.finest.east1 - terrain.finest.east0 == pytest.approx(1000.0 * 1.03, abs=30.0)  # turned by 2 degrees
@@ -472,14 +473,14 @@ def test_without_an_area_all_that_the_files_cover(tmp_path: Path) -> None:
 def test_too_many_posts_are_refused_with_cell_and_area(tmp_path: Path) -> None:
     path = write_ground(tmp_path / "dem.tif", hills, UTM, 500, 100.0)
     with pytest.raises(ConfigError, match=r"1 m apart over .* km; must be at most 67 million: use a larger cell_m"):
-        Terrain.open([path], cell_m=1.0, vertical="ellipsoid")
+        open_terrain([path], cell_m=1.0, vertical="ellipsoid")
 
 
 def test_a_cell_that_leaves_out_nearly_all_posts_is_refused(tmp_path: Path) -> None:
     """A block of posts would lie over more of the file than the machine holds."""
     path = write_ground(tmp_path / "dem.tif", hills, UTM, 500, 2.0)
     with pytest.raises(ConfigError, match=r"cell_m = 520: must be at most 512 m, 256 times the distance"):
-        Terrain.open([path], cell_m=520.0, vertical="ellipsoid")
+        open_terrain([path], cell_m=520.0, vertical="ellipsoid")
 
 
 def test_no_more_of_a_file_is_read_at_once_than_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -494,7 +495,7 @@ def test_no_more_of_a_file_is_read_at_once_than_the_limit(tmp_path: Path, monkey
 
     monkeypatch.setattr(Mosaic, "read", spy)
     monkeypatch.setattr(resample, "_MAX_WINDOW", 40_000)
-    terrain = Terrain.open([path], cell_m=30.0, vertical="ellipsoid")
+    terrain = open_terrain([path], cell_m=30.0, vertical="ellipsoid")
     assert min(terrain.finest.heights.shape) < 2 * resample._MIN_BLOCK
     assert max(read) <= 40_000
     assert np.isfinite(terrain.finest.heights).mean() > 0.4  # a strip that is turned by 2 degrees in its rectangle
@@ -505,11 +506,11 @@ def test_of_many_tiles_those_beside_the_area_are_left_out(tmp_path: Path) -> Non
         write_ground(tmp_path / f"{north:g}.tif", hills, UTM, 50, 10.0, at=(LAT + north, LON))
         for north in (0.5, 0.0, -0.5)
     ]
-    terrain = Terrain.open(paths, centre=CENTRE, radius_m=200.0, vertical="ellipsoid")
+    terrain = open_terrain(paths, centre=CENTRE, radius_m=200.0, vertical="ellipsoid")
     assert terrain.source(0.0, 0.0) == 1
     assert [source.path for source in terrain.sources] == paths
     with pytest.raises(ConfigError, match=r"0\.5\.tif: does not touch .*, and none of the 2 other files touches it"):
-        Terrain.open(paths, centre=(0.0, 0.0), radius_m=200.0, vertical="ellipsoid")
+        open_terrain(paths, centre=(0.0, 0.0), radius_m=200.0, vertical="ellipsoid")
 
 
 def test_a_file_beside_the_area_is_refused(tmp_path: Path) -> None:
@@ -517,13 +518,13 @@ def test_a_file_beside_the_area_is_refused(tmp_path: Path) -> None:
     for lat, lon in ((LAT + 0.1, LON), (-LAT, LON - 180.0)):
         centre = math.radians(lat), math.radians(lon)
         with pytest.raises(ConfigError, match=r"dem\.tif: does not touch the area within 2 km .* covers 47\.89"):
-            Terrain.open([path], centre=centre, radius_m=2000.0, vertical="ellipsoid")
+            open_terrain([path], centre=centre, radius_m=2000.0, vertical="ellipsoid")
 
 
 def test_nothing_but_holes_is_refused(tmp_path: Path) -> None:
     path = write_ground(tmp_path / "dem.tif", lambda lat, lon: np.full_like(lat, np.nan), UTM, 50, 10.0)
     with pytest.raises(ConfigError, match=r"dem\.tif: no heights in the area"):
-        Terrain.open([path], vertical="ellipsoid")
+        open_terrain([path], vertical="ellipsoid")
 
 
 @pytest.mark.parametrize(
@@ -539,12 +540,12 @@ def test_nothing_but_holes_is_refused(tmp_path: Path) -> None:
 )
 def test_arguments_that_make_no_sense(wrong: dict[str, object], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        Terrain.open(**{"paths": ["dem.tif"], **wrong})  # type: ignore[arg-type]
+        open_terrain(**{"paths": ["dem.tif"], **wrong})  # type: ignore[arg-type]
 
 
 def test_more_files_than_can_be_numbered() -> None:
     with pytest.raises(ConfigError, match="256 files; must be at most 255: join tiles"):
-        Terrain.open(["dem.tif"] * 256)
+        open_terrain(["dem.tif"] * 256)
 
 
 # ----------------------------------------------------------------------------------------------------------- blocks
@@ -555,12 +556,12 @@ def test_cutting_blocks_up_changes_nothing(tmp_path: Path, monkeypatch: pytest.M
     path = write_ground(tmp_path / "dem.tif", hills, UTM, 200, 10.0)
     arguments: dict[str, Any] = {"centre": CENTRE, "radius_m": 800.0, "vertical": "ellipsoid"}
     shares: list[float] = []
-    whole = Terrain.open([path], **arguments, progress=shares.append)
+    whole = open_terrain([path], **arguments, progress=shares.append)
     assert shares[-1] == 1.0
     monkeypatch.setattr(resample, "_MAX_WINDOW", 2000)
     monkeypatch.setattr(resample, "_BLOCK", 100)
     more: list[float] = []
-    parts = Terrain.open([path], **arguments, progress=more.append)
+    parts = open_terrain([path], **arguments, progress=more.append)
     assert np.abs(parts.finest.heights - whole.finest.heights).max() < 1e-6
     assert len(more) > len(shares)
     assert more == sorted(more)

@@ -20,7 +20,7 @@ import pytest
 from rasterio.transform import Affine
 
 from fti.terrain.files.file_survey import survey
-from fti.terrain.terrain import Terrain
+from fti.terrain.files.open_terrain import open_terrain
 from tests.terrain.elevation_files import LAT, LON, Array, from_origin, posts_of, write_ground, write_tif
 
 AMPLITUDE_M = 80.0
@@ -55,7 +55,7 @@ def test_the_error_on_a_sine_matches_its_closed_form(
 ) -> None:
     """The file of 600 x 927 m; 600 m is what opening it with defaults makes of it."""
     path = write_wave(tmp_path / "wave.tif", CORNER, along_rows)
-    terrain = Terrain.open([path], vertical="ellipsoid", cell_m=cell)
+    terrain = open_terrain([path], vertical="ellipsoid", cell_m=cell)
     (found,) = terrain.resampling
     rms, most = closed_form(spacing, terrain.finest.cell_m)
     assert terrain.finest.cell_m == (cell or 600.0)
@@ -67,7 +67,7 @@ def test_the_error_on_a_sine_matches_its_closed_form(
 def test_posts_that_are_left_out_cost_the_whole_wave(tmp_path: Path) -> None:
     """A cell of many waves: what remains of a sine is its own RMS, and chance that the posts happen to have."""
     path = write_wave(tmp_path / "wave.tif", CORNER, along_rows=True)
-    (found,) = Terrain.open([path], vertical="ellipsoid", cell_m=10_000.0).resampling
+    (found,) = open_terrain([path], vertical="ellipsoid", cell_m=10_000.0).resampling
     assert 0.7 * AMPLITUDE_M < found.rms_m < 1.3 * AMPLITUDE_M
     assert 1.4 * AMPLITUDE_M < found.max_m < 2.02 * AMPLITUDE_M
 
@@ -77,7 +77,7 @@ def test_a_plane_costs_nothing_but_the_curvature_of_the_earth(tmp_path: Path) ->
         return np.asarray(600.0 + (lat - LAT) * 5000.0 + (lon - LON) * 3000.0)
 
     path = write_ground(tmp_path / "plane.tif", plane, "EPSG:4326", 100, 3e-4)
-    (found,) = Terrain.open([path], vertical="ellipsoid").resampling
+    (found,) = open_terrain([path], vertical="ellipsoid").resampling
     assert found.max_m < 2e-3
     assert found.rms_m < 1e-3
 
@@ -85,8 +85,8 @@ def test_a_plane_costs_nothing_but_the_curvature_of_the_earth(tmp_path: Path) ->
 def test_the_same_files_give_the_same_error_opened_or_only_surveyed(tmp_path: Path) -> None:
     path = write_wave(tmp_path / "wave.tif", CORNER, along_rows=True)
     area: dict[str, Any] = {"vertical": "ellipsoid", "centre": CENTRE, "radius_m": 15_000.0}
-    terrain = Terrain.open([path], **area)
-    assert Terrain.open([path], **area).resampling == terrain.resampling
+    terrain = open_terrain([path], **area)
+    assert open_terrain([path], **area).resampling == terrain.resampling
     assert tuple(layer.resampling for layer in survey([path], **area).layers) == terrain.resampling
 
 
@@ -96,7 +96,7 @@ def test_each_layer_has_an_error_of_its_own(tmp_path: Path) -> None:
 
     coarse = write_wave(tmp_path / "coarse.tif", CORNER, along_rows=True)
     fine = write_ground(tmp_path / "fine.tif", fine_ground, "EPSG:32632", 100, 30.0)
-    first, second = Terrain.open([coarse, fine], vertical="ellipsoid").resampling
+    first, second = open_terrain([coarse, fine], vertical="ellipsoid").resampling
     assert first.max_m < 1e-2
     assert second.rms_m > 1.0
 
@@ -106,6 +106,6 @@ def test_holes_are_no_error(tmp_path: Path) -> None:
         return np.where(lon > LON, np.nan, 640.0 + 0.0 * lat)
 
     path = write_ground(tmp_path / "half.tif", half, "EPSG:32632", 100, 30.0)
-    (found,) = Terrain.open([path], vertical="ellipsoid").resampling
+    (found,) = open_terrain([path], vertical="ellipsoid").resampling
     assert found.max_m < 1e-3
     assert found.samples > 1000
