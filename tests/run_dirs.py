@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from fti.service import run_directory
+from fti import run_directory
 
 
 @contextlib.contextmanager

@@ -15,7 +15,7 @@ from fti.cli._printing import print_line
 from fti.errors import MissingError
 from fti.hil.report import TransmissionReport
 from fti.latency_histogram import LatencySummary
-from fti.service.private_folder import check_trusted
+from fti.private_folder import check_trusted
 
 #: Signals that stop an emulator or replay in good order; SIGHUP: the terminal was closed.
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

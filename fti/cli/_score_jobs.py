@@ -57,7 +57,7 @@ def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Cal
     from fti.post.reprocess import other_setup
 
     def score(file: Path) -> list[Score]:
-        from fti.hil.offline_run import fly
+        from fti.post.offline_run import fly
 
         scenario = scenarios.load(file)
         folder = out if len(names) == 1 else out / file.stem

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
 
     from fti.cli._printing import print_line
     from fti.errors import MissingError
-    from fti.service.run_directory import find_daemon
+    from fti.run_directory import find_daemon
 
     info = find_daemon(args.run_dir)
     if info.page is None:
@@ -47,6 +47,6 @@ def open_browser(run_dir: Path) -> bool:
     """
     import webbrowser
 
-    from fti.service.run_directory import PAGE
+    from fti.run_directory import PAGE
 
     return webbrowser.open((run_dir / PAGE).absolute().as_uri())

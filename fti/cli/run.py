@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the daemon to its end."""
     with early_recorder() as recorder:
         from fti import config as configuration
-        from fti.service.private_folder import check_trusted
+        from fti.private_folder import check_trusted
 
         config = configuration.load(args.config)
         changes = {"directory": args.out, "origin": args.origin}

@@ -18,7 +18,7 @@ from fti.cli._printing import print_json
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from fti.service.run_directory import DaemonInfo
+    from fti.run_directory import DaemonInfo
 
 #: Every output comes at 2 Hz or more, health at 2 Hz.
 COLLECT_S = 1.2
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _find(args: argparse.Namespace) -> DaemonInfo:
-    from fti.service.run_directory import base, find_daemon
+    from fti.run_directory import base, find_daemon
 
     return find_daemon(str(base() / args.name) if args.name else args.run_dir)
 

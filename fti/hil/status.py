@@ -30,7 +30,7 @@ from fti.hil.emulator import Emulator
 from fti.hil.event_loop import realtime_priority
 from fti.hil.faults import descriptions
 from fti.hil.replay import Replay
-from fti.service.run_directory import base, find_daemon
+from fti.run_directory import base, find_daemon
 
 TOPIC = "/hil"
 PROCESS = "emulator"

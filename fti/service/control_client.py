@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fti.errors import FtiError, MissingError
-from fti.service.run_directory import connect, find_daemon
+from fti.run_directory import connect, find_daemon
 
 ANSWER_TIMEOUT_S = 5.0
 

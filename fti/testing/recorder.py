@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fti import config as configuration
 from fti.devices import bind_devices
-from fti.service.run_directory import INFO
+from fti.run_directory import INFO
 from fti.testing.errors import BenchError
 from fti.testing.ports import LinkAddress, addresses, on_free_ports, write_config
 from fti.testing.process import FTI, BenchProcess, quiet_environment

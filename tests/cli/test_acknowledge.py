@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from fti.cli.main import main
-from fti.service.run_directory import RunDirectory
+from fti.run_directory import RunDirectory
 from fti.service.supervisor.control_socket import serve_commands
 from tests.run_dirs import running_daemon
 

@@ -13,9 +13,9 @@ import pytest
 from fti import config as configuration
 from fti.cli.main import main
 from fti.config import Config
-from fti.hil import offline_run
 from fti.hil.environment import Environment
 from fti.hil.tables.schema import SensorSettings
+from fti.post import offline_run
 from fti.terrain.files.open_terrain import open_terrain
 from tests.hil.worlds import path, scenario
 from tests.terrain.elevation_files import Array, write_ground

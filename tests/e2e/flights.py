@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from fti import config as configuration
-from fti.hil import offline_run
 from fti.hil import scenario as scenarios
 from fti.logger.reading.recording import Recording
+from fti.post import offline_run
 from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
 from tests.e2e.harness import END_S, FTI, START_S, daemon, free_udp_port, with_free_ports
 from tests.helpers import ROOT, until

@@ -17,7 +17,7 @@ from fti.hil.device_pipeline import DevicePipeline
 from fti.hil.device_streams import SensorStream
 from fti.hil.emulator import Emulator
 from fti.hil.environment import Environment
-from fti.hil.offline_run import MemoryBackend
+from fti.hil.memory_backend import MemoryBackend
 from fti.hil.ports.endpoints import Endpoint
 from fti.hil.scheduler import MAX_LEAD_S, PreparationQueue, Scheduler
 from fti.hil.sensors import SimulatedSensor

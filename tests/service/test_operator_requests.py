@@ -12,10 +12,10 @@ from typing import Any, cast
 
 import pytest
 
+from fti import run_directory
 from fti.alarms.condition import Condition, Severity
 from fti.clock import FakeClock
 from fti.config import Config, Nav, Session
-from fti.service import run_directory
 from fti.service.children import Child
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.child_monitor import RecorderOutbox

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from fti import config as configuration
-from fti.hil import offline_run
 from fti.hil import scenario as scenarios
+from fti.post import offline_run
 from fti.testing import BenchError, Flight
 from tests.helpers import ROOT
 

@@ -13,6 +13,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from fti import run_directory
 from fti.alarms.condition import Condition, Severity
 from fti.buffers.ring import Ring, ring_size
 from fti.bus.frame import SOCKET_NAME
@@ -23,7 +24,7 @@ from fti.config import Config
 from fti.messages.frames import ALL_SOURCES
 from fti.messages.refusals import CarriedRefusal
 from fti.messages.tables import from_table
-from fti.service import control_channel, run_directory
+from fti.service import control_channel
 from fti.service.children import Child, ProcessState
 from fti.service.control_channel import ControlMessage
 from fti.service.fault_guard import catch_failures

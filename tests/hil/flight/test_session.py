@@ -10,11 +10,11 @@ import pytest
 from fti import config as configuration
 from fti.config import Config
 from fti.errors import ConfigError, MissingError
-from fti.hil import offline_run
 from fti.hil.environment import Environment
 from fti.hil.flight.session import read_session
 from fti.hil.flight.smoothing import displacements
 from fti.hil.flight.trajectory import FlightSamples
+from fti.post import offline_run
 from tests.hil.worlds import flat_terrain, path, scenario, world
 
 CONFIG = """

@@ -7,9 +7,9 @@ from pathlib import Path
 from fti import config
 from fti.config import Config
 from fti.hil.environment import Environment
-from fti.hil.offline_run import fly
 from fti.hil.scenario import Scenario
 from fti.logger.reading.recording import Recording
+from fti.post.offline_run import fly
 from fti.post.reprocess import Setup
 from fti.post.score.comparison import Score
 from fti.post.score.session_score import score_session

@@ -18,12 +18,12 @@ import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
-from fti.hil import offline_run
 from fti.hil import scenario as scenarios
 from fti.hil.oracle.scenario_check import check_scenario
 from fti.hil.oracle.truth_checked_faults import SourceFault
 from fti.hil.tables.fault_base import DeviceFault
 from fti.logger.reading.recording import Recording
+from fti.post import offline_run
 from fti.post.score.outcome import FlightOutcome
 from fti.post.score.outputs.row import OutputCheck
 from fti.post.score.rows import Result

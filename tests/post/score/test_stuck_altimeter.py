@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from fti.hil import offline_run
 from fti.hil import scenario as scenarios
 from fti.hil.tables.fault_types import Stuck
 from fti.logger.reading.recording import Recording
+from fti.post import offline_run
 from fti.post.score.rows import Result
 from fti.post.score.session_score import score_session
 

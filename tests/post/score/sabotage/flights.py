@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from fti.hil import offline_run
 from fti.hil import scenario as scenarios
 from fti.hil.environment import Environment
 from fti.hil.scenario import Scenario
 from fti.hil.tables.flights import ApproachFlight
+from fti.post import offline_run
 from tests.hil.worlds import flat_terrain, path
 from tests.post.score.sabotage.configurations import as_toml
 from tests.post.score.sabotage.falsification import Sample

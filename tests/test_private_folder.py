@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from fti import run_directory
 from fti.cli.main import main
 from fti.errors import MissingError
-from fti.service import run_directory
-from fti.service.private_folder import check_trusted
+from fti.private_folder import check_trusted
 
 
 @pytest.fixture

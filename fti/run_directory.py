@@ -30,7 +30,7 @@ from pathlib import Path
 from fti.bus.frame import SOCKET_NAME
 from fti.errors import MissingError
 from fti.peer_credentials import Peer
-from fti.service.private_folder import make_own, open_own, path_within, read_file, remove_file, write_file
+from fti.private_folder import make_own, open_own, path_within, read_file, remove_file, write_file
 
 INFO = "fti.json"
 SOCKET = "fti.sock"

@@ -1,10 +1,8 @@
 """A flight faster than real time: emulated frames go through memory into the daemon's decode chain.
 
-No port is opened and nothing waits: the emulator's streams run on a clock that jumps from one instant to the next.
-Each message is one frame.  The session contains what the daemon would record: frames, ticks, measurements, outputs,
-events, alarms, health and ledger.  The same scenario and software give the same session, bit for bit.
-
-Not modelled: transmission time at the baud rate, status of controllers and adapters, kernel timestamps, and the end of
+No port is opened and nothing waits (``fti.hil.memory_backend``).  Each message is one frame.  The session contains what
+the daemon would record: frames, ticks, measurements, outputs, events, alarms, health and ledger.  The same scenario and
+software give the same session, bit for bit.  Not modelled, in addition to what the backend leaves out: the end of
 processes.
 """
 
@@ -12,23 +10,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from fti.clock import Clock, FakeClock
-from fti.config import Config, Link
+from fti.clock import FakeClock
+from fti.config import Config
 from fti.devices import bind_devices, parse_reference, read_texts
 from fti.hil.emulator import Emulator, make_environment
 from fti.hil.environment import Environment
-from fti.hil.ports.counters import EndpointCounters
-from fti.hil.ports.endpoints import Endpoint
-from fti.hil.ports.serial_base import Responder
+from fti.hil.memory_backend import BEGIN_NS, MemoryBackend
 from fti.hil.scenario import Scenario
-from fti.hil.scheduler import Stream
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
@@ -42,8 +36,6 @@ from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.health import HealthBoard
 
 SECOND_NS = 1_000_000_000
-#: FTI time at the beginning of every offline flight: 2026-01-01, 00:00 UTC.
-BEGIN_NS = 1_767_225_600 * SECOND_NS
 #: Ticks of the daemon before the flight begins.
 LEAD_TICKS = 50
 HEALTH_PERIOD_S = 0.5
@@ -51,68 +43,6 @@ SILENCE_TIMEOUT_NS = SECOND_NS
 FLUSH_PERIOD_TICKS = 250
 #: Measurements of each kind are recorded at this rate; outputs are recorded in full.
 DECIMATE_HZ = 5.0
-
-
-class MemoryEndpoint:
-    """A link in memory: messages are received at once."""
-
-    is_stream: ClassVar[bool] = False
-
-    def __init__(self, receive: Callable[[bytes], None]) -> None:
-        self.counters = EndpointCounters()
-        self._receive = receive
-
-    async def open(self) -> None:
-        """Nothing to open."""
-
-    async def wait_for_reader(self) -> None:
-        """Return at once: the receiver is always present."""
-
-    def send(self, data: bytes) -> None:
-        """Hand over."""
-        self.counters.messages += 1
-        self.counters.bytes += len(data)
-        self._receive(data)
-
-    async def send_all(self, data: bytes) -> None:
-        """Hand over."""
-        self.send(data)
-
-    async def drain(self) -> None:
-        """Return at once: nothing is queued."""
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
-class MemoryStreamEndpoint(MemoryEndpoint):
-    """A serial line in memory."""
-
-    is_stream: ClassVar[bool] = True
-
-
-class MemoryBackend:
-    """Clock and endpoints of an offline flight.  receive : gets each message with the name of its link"""
-
-    is_real_time: ClassVar[bool] = False
-
-    def __init__(self, receive: Callable[[str, bytes], None], streams: Sequence[Stream]) -> None:
-        self._time = FakeClock(BEGIN_NS)
-        self.clock: Clock = self._time
-        self._receive, self._streams = receive, streams
-
-    def make_endpoint(self, link: Link, respond: Responder) -> Endpoint:
-        """An endpoint in memory.  ``respond`` is not used, because the chain sends nothing."""
-        kind = MemoryStreamEndpoint if link.kind == "serial" else MemoryEndpoint
-        return kind(lambda data: self._receive(link.name, data))
-
-    async def sleep(self, seconds: float) -> None:
-        """Advance the clock, rounded up to a whole nanosecond."""
-        self._time.time_ns += math.ceil(seconds * SECOND_NS)
-
-    def streams(self, start_ns: int) -> Sequence[Stream]:
-        """The ticks of the daemon."""
-        return self._streams
 
 
 class TickStream:

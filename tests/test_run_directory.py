@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from fti import run_directory
 from fti.cli.main import main
 from fti.errors import MissingError
-from fti.service import run_directory
-from fti.service.run_directory import DaemonInfo
+from fti.run_directory import DaemonInfo
 from tests.run_dirs import peers_of_user, running_daemon
 
 
