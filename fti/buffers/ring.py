@@ -13,9 +13,9 @@ pages hold consecutive records, which wrap around at the end.
     positions count bytes since the creation of the ring and only grow
 
     record: | length u32 | crc-32 u32 | first seq u64 | count u32 | count x t_rx_ns i64 | count x size u32 |
-            | count x link u16 | data |
+            | count x source u16 | data |
             frames that arrived together, with consecutive numbers; length: bytes after ``count``; crc: over all that
-            follows it, with the position as start value
+            follows it, with the position as start value; source: ``EntryKind`` (2 high bits) and index of the link
 
 A new state is written next to the valid one and becomes valid with its generation, one 64-bit store: a process killed
 at any instruction leaves the old or the new state.  The writer discards the oldest records (and publishes this) before
@@ -31,21 +31,23 @@ import struct
 import zlib
 from array import array
 from collections.abc import Sequence
+from enum import IntEnum
 from typing import NamedTuple
 
 from fti.config import CanLink, Link, SerialLink
 
-MAGIC = 0x3130_676E_6972_7466  # "ftring01"
+MAGIC = 0x3230_676E_6972_7466  # "ftring02"
 PAGE = 4096
 RECORD = struct.Struct("<II")  # length, crc
 FIELDS = struct.Struct("<QI")  # first seq, count
 HEAD = RECORD.size + FIELDS.size
-TIME, FRAME_SIZE, LINK = "q", "I", "H"  # fields of each frame besides its data, as arrays
-FRAME = sum(array(kind).itemsize for kind in (TIME, FRAME_SIZE, LINK))
+COLUMNS = TIME, FRAME_SIZE, SOURCE = "q", "I", "H"  # fields of each frame besides its data, as arrays
+FRAME = sum(array(kind).itemsize for kind in COLUMNS)
 SINGLE_FRAME_BYTES = HEAD + FRAME  # size of a record with one frame, without its data
-_SINGLE_FRAME = struct.Struct(f"{FIELDS.format}{TIME}{FRAME_SIZE}{LINK}")
+_SINGLE_FRAME = struct.Struct(f"{FIELDS.format}{TIME}{FRAME_SIZE}{SOURCE}")
 SIZE, ENDED, WRITER, READER = 1, 2, 8, 32
 STATES = {WRITER: struct.Struct("=4Q"), READER: struct.Struct("=3Q")}
+LINK_BITS = 14  # of a source
 READ_BYTES = 2**18  # copied at once by the reader; a record is at most this, and a quarter of the ring
 MAX_ATTEMPTS = 100
 
@@ -70,6 +72,19 @@ def _rate(link: Link) -> int:
     if isinstance(link, CanLink):
         return (link.bitrate or DEFAULT_BITRATE) // CAN_BITS * (16 + SINGLE_FRAME_BYTES)
     return UDP_RATE
+
+
+class EntryKind(IntEnum):
+    """What an entry of the ring is: a frame that a link has received or sent, or a tick of the recorder."""
+
+    RECEIVED = 0
+    SENT = 1
+    TICK = 2
+
+
+def pack_source(kind: EntryKind, link: int) -> int:
+    """The source of an entry, as in a record.  link : its index; 0 for ticks"""
+    return kind << LINK_BITS | link
 
 
 class WriterState(NamedTuple):
@@ -139,16 +154,18 @@ class Ring:
 
     # ------------------------------------------------------------------------------------------------------- writer
 
-    def put_many(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
+    def put_many(
+        self, sources: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]
+    ) -> None:
         """Append frames, numbered from first_seq on; never blocks, the oldest frames are overwritten.
 
-        links : index of the link of each frame
+        sources : of each frame, see ``pack_source``
         Frames that exceed one record are divided.  Raises ValueError for a single frame that is too large.
         """
-        content = _pack(links, first_seq, times_ns, frames)
+        content = _pack(sources, first_seq, times_ns, frames)
         need = RECORD.size + len(content)
         if need > self._largest:
-            self._divide(links, first_seq, times_ns, frames)
+            self._divide(sources, first_seq, times_ns, frames)
             return
         end, _, oldest, began = self._state
         if end + need - oldest > self._size:
@@ -157,13 +174,13 @@ class Ring:
         self._publish(WriterState(end + need, first_seq + len(frames), oldest, began if end else first_seq))
         os.eventfd_write(self._event, 1)
 
-    def _divide(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
+    def _divide(self, sources: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
         """Put two records instead of one."""
         half = len(frames) // 2
         if not half:
             raise ValueError(f"frame of {len(frames[0])} B; the limit is {self._largest - SINGLE_FRAME_BYTES}")
-        self.put_many(links[:half], first_seq, times_ns[:half], frames[:half])
-        self.put_many(links[half:], first_seq + half, times_ns[half:], frames[half:])
+        self.put_many(sources[:half], first_seq, times_ns[:half], frames[:half])
+        self.put_many(sources[half:], first_seq + half, times_ns[half:], frames[half:])
 
     def _discard_oldest(self, min_position: int) -> int:
         """Discard complete records up to ``min_position`` and some more, to do so less often."""
@@ -268,10 +285,10 @@ class Ring:
             self._map[PAGE : PAGE + size - first] = data[first:]
 
 
-def _pack(links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> bytes:
+def _pack(sources: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> bytes:
     """The content of a record."""
     count = len(frames)
     if count == 1:
-        return _SINGLE_FRAME.pack(first_seq, 1, times_ns[0], len(frames[0]), links[0]) + frames[0]
+        return _SINGLE_FRAME.pack(first_seq, 1, times_ns[0], len(frames[0]), sources[0]) + frames[0]
     head = FIELDS.pack(first_seq, count)
-    return b"".join((head, array(TIME, times_ns), array(FRAME_SIZE, map(len, frames)), array(LINK, links), *frames))
+    return b"".join((head, array(TIME, times_ns), array(FRAME_SIZE, map(len, frames)), array(SOURCE, sources), *frames))

@@ -10,12 +10,16 @@ from array import array
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from fti.buffers.ring import FIELDS, FRAME_SIZE, HEAD, LINK, READ_BYTES, RECORD, TIME, ReaderState, Ring
+from fti.buffers.ring import COLUMNS, FIELDS, HEAD, LINK_BITS, READ_BYTES, RECORD, EntryKind, ReaderState, Ring
+
+LINK_MASK = (1 << LINK_BITS) - 1
+KINDS = tuple(EntryKind)
 
 
 class RingFrame(NamedTuple):
-    """A frame of the ring."""
+    """An entry of the ring.  link_index : of the link that received or sent it; 0 for a tick"""
 
+    kind: EntryKind
     link_index: int
     seq: int
     t_rx_ns: int
@@ -116,13 +120,13 @@ def _unpack(content: bytes) -> Iterator[RingFrame]:
     seq, count = FIELDS.unpack_from(content)
     at = FIELDS.size
     columns = []
-    for kind in (TIME, FRAME_SIZE, LINK):
-        column = array(kind)
+    for code in COLUMNS:
+        column = array(code)
         end = at + count * column.itemsize
         column.frombytes(content[at:end])
         columns.append(column)
         at = end
-    for t_rx_ns, size, link in zip(*columns, strict=True):
-        yield RingFrame(link, seq, t_rx_ns, content[at : at + size])
+    for t_rx_ns, size, source in zip(*columns, strict=True):
+        yield RingFrame(KINDS[source >> LINK_BITS], source & LINK_MASK, seq, t_rx_ns, content[at : at + size])
         seq += 1
         at += size

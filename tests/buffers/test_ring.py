@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fti.buffers.ring import PAGE, SINGLE_FRAME_BYTES, ReaderState, Ring, ring_size
+from fti.buffers.ring import PAGE, SINGLE_FRAME_BYTES, EntryKind, ReaderState, Ring, pack_source, ring_size
 from fti.buffers.ring_reader import RingFrame, RingReader
 from fti.config import CanLink, SerialLink, UdpLink
 from tests.helpers import ROOT, until
@@ -32,15 +32,19 @@ def payload(seq: int) -> bytes:
     return seq.to_bytes(4, "little") * (seq % 40)
 
 
+def entry(seq: int) -> RingFrame:
+    """The entry with this number: every kind on every link."""
+    return RingFrame(EntryKind(seq % 3), seq % 7, seq, seq * 10, payload(seq))
+
+
 def put(ring: Ring, *numbers: int) -> None:
     for seq in numbers:
-        ring.put_many([seq % 7], seq, [seq * 10], [payload(seq)])
+        ring.put_many([pack_source(EntryKind(seq % 3), seq % 7)], seq, [seq * 10], [payload(seq)])
 
 
 def check(records: list[RingFrame]) -> list[int]:
     for record in records:
-        seq = record.seq
-        assert record == RingFrame(seq % 7, seq, seq * 10, payload(seq))
+        assert record == entry(record.seq)
     return [record.seq for record in records]
 
 
@@ -93,10 +97,11 @@ def test_frames_that_are_put_together_are_read_one_by_one(turns: list[tuple[int,
     reader, seq, found = RingReader(ring), 0, list[int]()
     for count, read in turns:
         numbers = range(seq, seq + count)
-        ring.put_many([3] * count, seq, [10 * n for n in numbers], [payload(n) for n in numbers])
+        sources = [pack_source(EntryKind(n % 3), n % 7) for n in numbers]
+        ring.put_many(sources, seq, [10 * n for n in numbers], [payload(n) for n in numbers])
         seq += count
         for record in reader.read(read) if read else []:
-            assert record == RingFrame(3, record.seq, 10 * record.seq, payload(record.seq))
+            assert record == entry(record.seq)
             found.append(record.seq)
     while records := reader.read():
         found += [record.seq for record in records]
@@ -111,7 +116,7 @@ def test_what_is_too_much_for_one_record_is_divided() -> None:
     reader, frames = RingReader(ring), [bytes([i]) * 1500 for i in range(20)]
     ring.put_many([i % 3 for i in range(20)], 7, list(range(20)), frames)
     found = reader.read()
-    assert found == [RingFrame(i % 3, 7 + i, i, frame) for i, frame in enumerate(frames)]
+    assert found == [RingFrame(EntryKind.RECEIVED, i % 3, 7 + i, i, frame) for i, frame in enumerate(frames)]
     assert reader.lost_frames == 0
     assert ring.next_seq == 27
     ring.close()
@@ -372,11 +377,11 @@ def test_process_killed_while_it_publishes_leaves_the_state_before(ring: Ring, f
 
 WRITER = """
 import sys
-from fti.buffers.ring import Ring
+from fti.buffers.ring import Ring, pack_source
 ring = Ring.attach((int(sys.argv[1]), int(sys.argv[2])))
 seq, last = ring.next_seq, int(sys.argv[3])
 while seq < last:
-    ring.put_many([seq % 7], seq, [seq * 10], [seq.to_bytes(4, "little") * (seq % 40)])
+    ring.put_many([pack_source(seq % 3, seq % 7)], seq, [seq * 10], [seq.to_bytes(4, "little") * (seq % 40)])
     seq += 1
 ring.end()
 """
@@ -388,7 +393,8 @@ from fti.buffers.ring_reader import RingReader
 reader = RingReader(Ring.attach((int(sys.argv[1]), int(sys.argv[2]))))
 while not reader.is_finished:
     lines = ""
-    for link, seq, t, data in reader.read(50):
+    for kind, link, seq, t, data in reader.read(50):
+        assert kind == seq % 3
         assert data == seq.to_bytes(4, "little") * (seq % 40) and t == 10 * seq and link == seq % 7
         lines += f"{seq}\\n"
     os.write(1, lines.encode())  # whole lines, also when killed

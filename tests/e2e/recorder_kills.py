@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
-from fti.buffers.ring import Ring
+from fti.buffers.ring import EntryKind, Ring
 from fti.buffers.ring_reader import RingReader
 from fti.clock import choose_epoch_ns
 from fti.config import Config, Session, UdpLink
@@ -83,7 +83,6 @@ class Rig:
         self._ring = Ring.create(RING_BYTES)
         self._reader = RingReader(self._ring)
         ports = free_ports(HOST, LINKS)
-        self._topics = [f"/raw/udp{n}" for n in range(LINKS)] + ["/fti/tick"]
         self._child = Child("recorder", self._order(ports, split_mb), self._ring.fds)
         self._child.prepare()
         self._flood = Flood(HOST, rate_hz, ports)
@@ -164,7 +163,8 @@ class Rig:
         """What the recorder had received since the last kill."""
         frames: Frames = {}
         while batch := self._reader.read(100_000):
-            frames.update((r.seq, (self._topics[r.link_index], r.t_rx_ns, r.data)) for r in batch)
+            for kind, link, seq, t_rx_ns, data in batch:
+                frames[seq] = ("/fti/tick" if kind is EntryKind.TICK else f"/raw/udp{link}", t_rx_ns, data)
         self._reader.commit()
         assert not self._reader.lost_frames
         return frames

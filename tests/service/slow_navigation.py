@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from fti import config as configuration
-from fti.buffers.ring import Ring
+from fti.buffers.ring import EntryKind, Ring, pack_source
 from fti.buffers.ring_reader import RingReader
 from fti.clock import FakeClock
 from fti.drivers import freeflight_ra4500 as ra
@@ -174,8 +174,10 @@ class World:
         self.clock.advance(seconds)
         while self._next < len(self._frames) and self._frames[self._next][0] <= self.clock.time_ns:
             t_ns, link, data = self._frames[self._next]
-            self.ring.put_many([link], self._next, [t_ns], [data])
-            if link == LINKS.index(TICK_LINK):
+            is_tick = link == LINKS.index(TICK_LINK)
+            source = pack_source(EntryKind.TICK, 0) if is_tick else pack_source(EntryKind.RECEIVED, link)
+            self.ring.put_many([source], self._next, [t_ns], [data])
+            if is_tick:
                 self._raw.write_tick(self._next, t_ns)
             else:
                 self._raw.write_frame(LINKS[link], self._next, t_ns, data)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from fti.buffers.ring import Ring
+from fti.buffers.ring import EntryKind, Ring
 from fti.buffers.ring_reader import RingFrame, RingReader
 from fti.bus.client import Publisher
 from fti.bus.message import encode_with_age
@@ -50,7 +50,7 @@ class NavigationProcess:
         self._channel = channel
         self._ring = Ring.attach(ring_fds)
         self._reader = RingReader(self._ring)
-        self._links = [link.name for link in config.link] + [TICK_LINK]
+        self._links = [link.name for link in config.link]
         self._devices = bind_devices(config, startup.texts)
         self._config = config
         self._chain = Chain(config, self._devices, parse_reference(config, startup.texts))
@@ -103,8 +103,8 @@ class NavigationProcess:
         while not self._must_finish:
             self._take_terrain()
             frames = self._reader.read(READ_LIMIT)
-            for index, seq, t_rx_ns, data in frames:
-                self._process_frame(index, seq, t_rx_ns, data)
+            for frame in frames:
+                self._process_frame(frame)
             self._skip_backlog(frames)
             now = time.monotonic()
             if now >= health_due:
@@ -129,7 +129,7 @@ class NavigationProcess:
         The age of the last tick among them is the age of the backlog: only ticks enter the ring without delay.
         """
         now = self._clock.now_ns()
-        ticks = [t_rx_ns for index, _, t_rx_ns, _ in frames if index == len(self._links) - 1]
+        ticks = [frame.t_rx_ns for frame in frames if frame.kind is EntryKind.TICK]
         if ticks and not self._ring.has_ended and self._backlog.must_skip(now - ticks[-1]):
             self._reader.skip()
         missed = self._reader.next_seq - 1 - self._last_seq
@@ -147,14 +147,15 @@ class NavigationProcess:
             self._channel.send({"terrain": terrain_retry.DONE})
             self._deliver(self._chain.set_terrain(result.ground, result.fault, self._last_seq, self._last_ns))
 
-    def _process_frame(self, index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
+    def _process_frame(self, entry: RingFrame) -> None:
+        kind, index, seq, t_rx_ns, data = entry
         if self._resumed or seq != self._last_seq + 1:
             self._note_gap(seq, t_rx_ns)
         self._last_seq = seq
         self._last_ns = t_rx_ns
-        if index >= len(self._links):
-            return  # sent by the recorder, not received
-        frame = RawFrame(self._links[index], seq, t_rx_ns, data)
+        if kind is EntryKind.SENT:
+            return
+        frame = RawFrame(TICK_LINK if kind is EntryKind.TICK else self._links[index], seq, t_rx_ns, data)
         self._device_monitor.feed(frame)
         products = self._chain.feed(frame)
         self._deliver(products)

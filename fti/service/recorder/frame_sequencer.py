@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from fti.buffers.ring import Ring
+from fti.buffers.ring import EntryKind, Ring, pack_source
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.links import Sink
 from fti.messages.frames import TICK_PERIOD_NS
@@ -23,10 +23,10 @@ MAX_MERGED = 64
 class PendingFrames:
     """Frames of a link since the last flush.
 
-    index, buffer : of the link; times : arrival times [ns]; payload : bytes of all frames
+    source, buffer : of the sink; times : arrival times [ns]; payload : bytes of all frames
     """
 
-    index: int
+    source: int
     buffer: TripleBuffer
     times: list[int] = field(default_factory=list)
     frames: list[bytes] = field(default_factory=list)
@@ -50,14 +50,15 @@ class FrameSequencer:
         self._latest: dict[int, PendingFrames] = {}
         self._waiting_bytes = 0
 
-    def sink(self, index: int, buffer: TripleBuffer) -> Sink:
-        """A function that accepts frames of one link with their arrival times [ns]."""
+    def sink(self, kind: EntryKind, link: int, buffer: TripleBuffer) -> Sink:
+        """A function that accepts frames of one kind and link (its index) with their times [ns]."""
+        source = pack_source(kind, link)
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
             payload = sum(map(len, frames))
-            share = self._latest.get(index)
+            share = self._latest.get(source)
             if share is None or len(share.frames) + len(frames) > MAX_MERGED:
-                share = self._latest[index] = PendingFrames(index, buffer)
+                share = self._latest[source] = PendingFrames(source, buffer)
                 self._arrived.append(share)
             share.times += times_ns
             share.frames += frames
@@ -77,14 +78,14 @@ class FrameSequencer:
         if not self._arrived:
             return self._seq
         arrived, self._arrived, self._latest, self._waiting_bytes = self._arrived, [], {}, 0
-        links, times, frames = _flat(arrived)
+        sources, times, frames = _flat(arrived)
         first, self._seq = self._seq, self._seq + len(frames)
         seqs: Sequence[int] = range(first, self._seq)
         if len(frames) > 1 and (len(frames) <= MAX_SORTED_FRAMES or max(times) - min(times) > TICK_PERIOD_NS):
             order = sorted(range(len(frames)), key=times.__getitem__)
             seqs = [first + rank for rank in sorted(range(len(frames)), key=order.__getitem__)]
-            links, times, frames = [links[i] for i in order], [times[i] for i in order], [frames[i] for i in order]
-        self._ring.put_many(links, first, times, frames)
+            sources, times, frames = [sources[i] for i in order], [times[i] for i in order], [frames[i] for i in order]
+        self._ring.put_many(sources, first, times, frames)
         at = 0
         for share in arrived:
             end = at + len(share.frames)
@@ -94,12 +95,12 @@ class FrameSequencer:
 
 
 def _flat(arrived: Sequence[PendingFrames]) -> tuple[list[int], list[int], list[bytes]]:
-    """Link, arrival time and bytes of every frame, link by link."""
-    links: list[int] = []
+    """Source, arrival time and bytes of every frame, link by link."""
+    sources: list[int] = []
     times: list[int] = []
     frames: list[bytes] = []
     for share in arrived:
-        links += [share.index] * len(share.frames)
+        sources += [share.source] * len(share.frames)
         times += share.times
         frames += share.frames
-    return links, times, frames
+    return sources, times, frames

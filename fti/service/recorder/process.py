@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import compress
 from typing import Any
 
-from fti.buffers.ring import Ring
+from fti.buffers.ring import EntryKind, Ring
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.clock import SystemClock, next_beat
 from fti.config import altimeter_links
@@ -50,8 +50,7 @@ class RecorderProcess:
         self._sequencer = FrameSequencer(self._ring, lambda call: asyncio.get_running_loop().call_soon(call))
         self._stop = asyncio.Event()
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
-        self._tick_index = len(startup.config.link)
-        self._tick = self._sequencer.sink(self._tick_index, self._ticks)
+        self._tick = self._sequencer.sink(EntryKind.TICK, 0, self._ticks)
         self._targets = startup.targets()
         self._log = self._make_log(
             "raw", Numbering(startup.first_number, startup.skipped_numbers, self._send_file_number)
@@ -94,10 +93,10 @@ class RecorderProcess:
         link = open_link(
             described,
             self._clock,
-            self._sequencer.sink(index, received),
+            self._sequencer.sink(EntryKind.RECEIVED, index, received),
             on_connect=[bytes.fromhex(text) for text in commands.on_connect],
         )
-        link.on_sent = self._sequencer.sink(self._tick_index + 1 + index, sent)
+        link.on_sent = self._sequencer.sink(EntryKind.SENT, index, sent)
         link.urgent = described.name in self._urgent
         return BufferedLink(link, described.kind, index, received, sent)
 

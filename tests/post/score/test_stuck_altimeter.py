@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from fti.hil import scenario as scenarios
+from fti.hil.memory_backend import BEGIN_NS
 from fti.hil.tables.fault_types import Stuck
 from fti.logger.reading.recording import Recording
 from fti.post import offline_run
@@ -45,5 +46,5 @@ def read(recording: Recording, topic: str) -> list[dict[str, Any]]:
     found = list[dict[str, Any]]()
     for name, t_ns, _, _, data in recording.messages(topic, kind="derived"):
         if name == topic:
-            found.append({**json.loads(data), "t_s": (t_ns - offline_run.BEGIN_NS) / SECOND_NS})
+            found.append({**json.loads(data), "t_s": (t_ns - BEGIN_NS) / SECOND_NS})
     return found
