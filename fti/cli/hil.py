@@ -129,7 +129,7 @@ def _prepare(args: argparse.Namespace) -> Emulator:
     truth = Path(args.truth) if args.truth else None
     ports = PortBackend(Path(args.links), choose_epoch_ns(), scenario.port, print_notice)
     emulator = Emulator(config, scenario, ports, truth=truth)
-    emulator.prepare(print_notice)
+    emulator.prepare(print_notice, args.duration or float("inf"))
     for overload in overloads(config, emulator.sensors):
         print_notice(overload)
     return emulator

@@ -114,8 +114,11 @@ class Emulator:
         """Number of messages that each device has sent in the flight."""
         return {device.meter.name: device.messages for device in self._devices}
 
-    def prepare(self, progress: Callable[[str], None] = lambda _: None) -> None:
-        """Load the terrain and compute the measurements of every sensor.  progress : called with each step."""
+    def prepare(self, progress: Callable[[str], None] = lambda _: None, until_s: float = float("inf")) -> None:
+        """Load the terrain, compute the measurements of every sensor, and the truth until until_s [s].
+
+        progress : called with each step
+        """
         if self._sensors is not None:
             return
         progress(f"terrain of {self.scenario.airfield}")
@@ -129,8 +132,8 @@ class Emulator:
         if self._truth:
             progress("truth")
             altimeters = [device for device in self.config.device if device.altimeter]
-            rates, intended = sent_rates(self._sensors, self._world), intended_values(self._sensors, self._world)
-            self._truth_rows = TruthRows(self._world, altimeters, rates, intended)
+            rates, intended = sent_rates(self._sensors), intended_values(self._sensors)
+            self._truth_rows = TruthRows(self._world, altimeters, rates, intended, until_s)
 
     def start(self) -> None:
         """Let the flight begin as soon as the endpoints are open."""
@@ -152,17 +155,17 @@ class Emulator:
 
         on_finish : called after the last message, before the endpoints are closed
         """
-        self.prepare()
+        until_s = float("inf") if duration_s is None else duration_s
+        self.prepare(until_s=until_s)
         assert self._sensors is not None
         ended = stop or asyncio.Event()
-        until_s = float("inf") if duration_s is None else duration_s
         lines = [DevicePipeline(s, self.scenario, until_s, partial(self.power.is_on, s.name)) for s in self._sensors]
         self._endpoints = self._make_endpoints(lines)
         with self._truth_log() as truth:
             async with open_endpoints(self._endpoints):
                 self.ready.set()
                 await run_until(self._started.wait(), ended)
-                await self._fly(lines, truth, duration_s, ended)
+                await self._fly(lines, truth, until_s, ended)
                 if not ended.is_set():
                     await self._drain()
                 if truth is not None:
@@ -224,7 +227,7 @@ class Emulator:
         self,
         lines: list[DevicePipeline],
         truth: TruthLog | None,
-        duration_s: float | None,
+        until_s: float,
         stop: asyncio.Event,
     ) -> None:
         clock = self.backend.clock
@@ -241,7 +244,7 @@ class Emulator:
                 if any(isinstance(endpoint, PtyEndpoint) for endpoint in self._endpoints.values()):
                     end_s = self._world.duration if self._world else 0.0
                     streams.append(stack.enter_context(PtyDelay(clock.now_ns, end_s, truth.note_late)))
-            await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
+            await self._scheduler.run(streams, stop, until_s)
 
 
 #: Geoid above the ellipsoid at the demo airfield [m] (EGM96, rounded).

@@ -80,6 +80,7 @@ class TruthRows:
     """Contents of the truth file of one flight.
 
     They are computed before the flight, because a second of computation at real-time priority would delay others.
+    until_s : time of the last row [s]
     """
 
     def __init__(
@@ -88,10 +89,12 @@ class TruthRows:
         altimeters: Sequence[Device] = (),
         rates: Mapping[str, Mapping[str, float]] | None = None,
         intended: Sequence[IntendedValues] = (),
+        until_s: float = math.inf,
     ) -> None:
         self.altimeters, self.scenario_text = altimeters, world.scenario.flight_key
         self.rates, self.intended = rates or {}, intended
-        self.t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
+        t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
+        self.t = t[t <= until_s]
         self._columns = _columns(world, self.t)
         for device in altimeters:
             bounds = world.range_bounds(self.t, device, POSITION_TOLERANCE_M)

@@ -6,6 +6,8 @@ layer and is blended into it over EDGE_M, so that there is no gap; its middle is
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -28,6 +30,7 @@ EDGE_M = 200.0
 RELIEF_M = 3.0, 800.0, 160.0
 
 
+@functools.lru_cache(maxsize=2)  # as ``demo_scene``
 def demo_region(seed: int = 2018) -> Terrain:
     """The demo scene with its surroundings: posts of 5 m in the scene, 40 m around, in the frame of the scene."""
     scene = demo_scene(seed)

@@ -29,7 +29,7 @@ def made() -> Made:
 
 
 def test_rates_are_those_of_the_data_sheets_and_the_configuration(made: Made) -> None:
-    rates = sent_rates(*made)
+    rates = sent_rates(made[0])
     assert rates["altimeter"] == {"radio_height": 25.0}
     assert rates["ins"] == dict.fromkeys(("imu_sample", "attitude", "velocity", "position"), 100.0)
     assert rates["autopilot"]["range"] == 25.0
@@ -41,8 +41,8 @@ def test_every_kind_that_is_sent_is_decoded_as_often(made: Made) -> None:
 
     A message may hold more than what it was made from: a satellite fix of MAVLink states its receiver's condition.
     """
-    sensors, world = made
-    for sensor, rates in zip(sensors, sent_rates(sensors, world).values(), strict=True):
+    sensors, _ = made
+    for sensor, rates in zip(sensors, sent_rates(sensors).values(), strict=True):
         encoder, decoder = sensor.bound.driver.make_encoder(sensor.bound.options), sensor.bound.make_decoder()
         cycles, count = Counter[str](), round(5.0 * sensor.rate_hz)
         for k in range(count):
@@ -55,7 +55,7 @@ def test_every_kind_that_is_sent_is_decoded_as_often(made: Made) -> None:
 
 def test_intended_values_are_of_every_second_and_of_what_is_sent(made: Made) -> None:
     sensors, world = made
-    values = intended_values(sensors, world)
+    values = intended_values(sensors)
     assert [one.t_s for one in values] == sorted(one.t_s for one in values)
     of_ins = [one for one in values if one.device == "ins"]
     assert len(of_ins) == pytest.approx(world.duration, abs=1.5)

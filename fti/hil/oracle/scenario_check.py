@@ -64,7 +64,7 @@ def check_scenario(
     except MissingError as error:  # the emulator does not need the file of the published approach
         reference = None
         warnings.append(f"{error}: the daemon needs it")
-    outputs = required_outputs(config, reference, sent_rates(emulator.sensors, world))
+    outputs = required_outputs(config, reference, sent_rates(emulator.sensors))
     return ScenarioCheck(scenario, config, world.duration, tuple(flags), tuple(outputs), tuple(warnings))
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from fti.hil.sensors.base import SimulatedSensor
-from fti.hil.sensors.sent_rates import encode_cycles
+from fti.hil.sensors.sent_rates import differs
 from fti.hil.tables.quantity_names import change_quantity, matches_quantity, parse
 from fti.messages.measurements import Measurement
 
@@ -20,23 +20,21 @@ def is_carried(sensor: SimulatedSensor, name: str, cycles: Cycles, encoded: list
     encoded : the bytes of the cycles
     """
     try:
-        return encode_cycles(sensor.bound, _change_number(name, cycles)) != encoded
+        return differs(sensor.bound, _change_number(name, cycles), encoded)
     except struct.error:
         return True
 
 
-def _change_number(name: str, cycles: Cycles) -> list[list[Measurement]]:
+def _change_number(name: str, cycles: Cycles) -> Iterator[list[Measurement]]:
     """The measurements with another value in one field."""
     kind, _, field = name.rpartition(".")
     kind, _, label = kind.rstrip("]").partition("[")
     quantity = parse(f"{kind}.{field}")
-    return [
-        [
+    for cycle in cycles:
+        yield [
             change_quantity(m, quantity, _changed_value) if matches_quantity(m, quantity, label or None) else m
             for m in cycle
         ]
-        for cycle in cycles
-    ]
 
 
 def _changed_value(value: float) -> float:

@@ -47,10 +47,10 @@ def _without_faults(world: Environment) -> Environment:
 
 def _missing(fault: OutputFault, sensor: SimulatedSensor, world: Environment) -> str:
     """Values that a fault changes and the device does not send; "" if it sends them."""
-    cycles = first_cycles(sensor, world, CHECK_DURATION_S)
+    cycles = first_cycles(sensor, CHECK_DURATION_S, world)
     if isinstance(fault, LeverArm):
         return "" if _depends_on_position(sensor, cycles) else "a position, a velocity or a range"
-    sent = encode_cycles(sensor.bound, cycles)
+    sent = list(encode_cycles(sensor.bound, cycles))
     for values, alternatives in _required_values(fault).items():
         if not any(is_carried(sensor, name, cycles, sent) for name in alternatives):
             return values

@@ -13,7 +13,6 @@ from functools import cache
 from typing import Any
 
 from fti.formats.fast_messages import fast_stamp
-from fti.hil.environment import Environment
 from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.encoding_check import is_carried
 from fti.hil.sensors.quantity_check import first_cycles
@@ -41,18 +40,18 @@ class IntendedValues:
     values: dict[str, float]
 
 
-def intended_values(sensors: Sequence[SimulatedSensor], world: Environment) -> list[IntendedValues]:
+def intended_values(sensors: Sequence[SimulatedSensor]) -> list[IntendedValues]:
     """Intended values of every device, limited to those in its messages, in order of time.
 
     A live device, whose measurements depend on events during the flight, is left out.
     """
-    values = [one for sensor in sensors if not sensor.is_live for one in _device_values(sensor, world)]
+    values = [one for sensor in sensors if not sensor.is_live for one in _device_values(sensor)]
     return sorted(values, key=lambda one: one.t_s)
 
 
-def _device_values(sensor: SimulatedSensor, world: Environment) -> Iterator[IntendedValues]:
+def _device_values(sensor: SimulatedSensor) -> Iterator[IntendedValues]:
     """A sample of every second; measurements at lower rates are in the samples at whole seconds."""
-    sent = _encoded_names(sensor, first_cycles(sensor, world, CHECK_DURATION_S))
+    sent = _encoded_names(sensor, first_cycles(sensor, CHECK_DURATION_S))
     for k in range(0, len(sensor.t), max(round(SAMPLE_PERIOD_S * sensor.rate_hz), 1)):
         values = {name: v for name, v in numbers(sensor.model.measure(k, fast_stamp(0))).items() if name in sent}
         if values:
@@ -64,7 +63,7 @@ def _encoded_names(sensor: SimulatedSensor, cycles: Sequence[Sequence[Measuremen
 
     Others are converted: velocities north and east to ground speed and track.
     """
-    encoded = encode_cycles(sensor.bound, cycles)
+    encoded = list(encode_cycles(sensor.bound, cycles))
     decoder = sensor.bound.make_decoder()
     messages = (message for cycle in encoded for message in cycle)
     decoded = numbers(m for k, message in enumerate(messages) for m in decoder.feed(message, k * STEP_NS))

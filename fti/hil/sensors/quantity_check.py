@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable, Sequence
 from itertools import chain
@@ -11,7 +12,6 @@ import numpy as np
 from fti.errors import ConfigError
 from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
-from fti.hil.sensors.power_unit import PowerPanel
 from fti.hil.tables.fault_base import QuantityFault
 from fti.hil.tables.quantity_names import NAME_FIELDS, matches_quantity, parse, quantities
 from fti.messages.measurements import Measurement, Reading, Stamp, TimeScale
@@ -25,7 +25,7 @@ def check_fault_quantities(sensors: Sequence[SimulatedSensor], world: Environmen
     for i, fault in enumerate(world.scenario.fault):
         if isinstance(fault, QuantityFault):
             named = [s for s in sensors if fault.includes_device(s.name)]
-            measured = {s.name: list(chain(*first_cycles(s, world, CHECK_DURATION_S))) for s in named}
+            measured = {s.name: list(chain(*first_cycles(s, CHECK_DURATION_S))) for s in named}
             _check(f"{world.scenario.source_name}: fault[{i}].quantity", fault, measured)
 
 
@@ -38,15 +38,18 @@ def _check(where: str, fault: QuantityFault, measured: dict[str, list[Measuremen
     raise ConfigError(f"{where}: {name!r} does not measure {quantity}; it has {', '.join(_numbers(values)) or 'none'}")
 
 
-def first_cycles(sensor: SimulatedSensor, world: Environment, duration_s: float) -> list[list[Measurement]]:
-    """Measurements of a second, equal device in its first duration_s [s], by cycle; the sensor is not changed.
+def first_cycles(
+    sensor: SimulatedSensor, duration_s: float, world: Environment | None = None
+) -> list[list[Measurement]]:
+    """Measurements of a device in its first duration_s [s], by cycle; the sensor is not changed.
 
-    A power unit has no state of its own and is used directly.
+    world : another one than that of the sensor, or None
     """
-    if isinstance(sensor.model, PowerPanel):
-        return [sensor.model.measure(0, Stamp(0))]
     count = min(max(math.ceil(duration_s * sensor.rate_hz), 2), len(sensor.t))
-    model = MODELS[sensor.bound.device.driver](sensor.bound, world, sensor.t[:count], np.random.default_rng(0))
+    if world is None:  # some models draw random numbers for each measurement; a live one has no state of its own
+        model = sensor.model if sensor.is_live else copy.deepcopy(sensor.model)
+    else:
+        model = MODELS[sensor.bound.device.driver](sensor.bound, world, sensor.t[:count], np.random.default_rng(0))
     stamps = (Stamp(t_ns, t_ns, TimeScale.UTC) for t_ns in (round(1e9 * t) for t in sensor.t[:count]))
     return [model.measure(k, stamp) for k, stamp in enumerate(stamps)]
 
