@@ -7,6 +7,7 @@ sensor has the same colour in every figure.  Images use ``cividis`` (uniform in 
 from __future__ import annotations
 
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fti.errors import StorageError
+from fti.new_file import write_new_file
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C"
@@ -80,15 +81,8 @@ def add_legend(axes: Axes) -> None:
 
 
 def write_figure(draw: Callable[[], Figure], file: Path) -> None:
-    """Draw a figure into a new file, .png or .svg.
-
-    Raises StorageError when it cannot be written.
-    """
+    """Draw a figure in the common style into a new file, .png or .svg.  Raises StorageError; what ``draw`` raises."""
+    picture = BytesIO()
     with mpl.rc_context(STYLE):
-        figure = draw()
-        try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            with file.open("xb") as out:
-                figure.savefig(out, format=file.suffix[1:], metadata=_METADATA[file.suffix])
-        except OSError as error:
-            raise StorageError(f"{error.filename}: cannot be written: {error.strerror}") from error
+        draw().savefig(picture, format=file.suffix[1:], metadata=_METADATA[file.suffix])
+    write_new_file(file, picture.getvalue())

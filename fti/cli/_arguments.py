@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -30,14 +31,21 @@ def count(text: str) -> int:
     return int(text)
 
 
-def picture(text: str) -> Path:
-    """A new picture file, .png or .svg."""
-    path = Path(text)
-    if path.suffix not in (".png", ".svg"):
-        raise argparse.ArgumentTypeError(f"{text}: must end with .png or .svg")
-    if path.exists():
-        raise argparse.ArgumentTypeError(f"{text}: already exists; choose another name")
-    return path
+def new_file(*suffixes: str) -> Callable[[str], Path]:
+    """A file that does not exist yet, with one of the suffixes; none : any."""
+
+    def parse(text: str) -> Path:
+        path = Path(text)
+        if suffixes and path.suffix not in suffixes:
+            raise argparse.ArgumentTypeError(f"{text}: must end with {' or '.join(suffixes)}")
+        if path.exists():
+            raise argparse.ArgumentTypeError(f"{text}: already exists; choose another name")
+        return path
+
+    return parse
+
+
+picture = new_file(".png", ".svg")
 
 
 def _number(text: str) -> float:

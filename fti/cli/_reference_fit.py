@@ -75,8 +75,9 @@ def _count(text: str) -> int:
 def fit(args: argparse.Namespace) -> int:
     """Fit, print, write."""
     from fti.cli._read_report import progress_bar
-    from fti.cli._reference_fit_plot import write_plot
+    from fti.cli._reference_fit_plot import draw_fit
     from fti.hil.approach_reference.fitted_receiver import as_toml, fit_receiver
+    from fti.plot_style import write_figure
 
     if args.out is not None:
         check_output_path(args.out)
@@ -100,7 +101,7 @@ def fit(args: argparse.Namespace) -> int:
     if args.out is not None:
         _write(args.out, as_toml(receiver, args.sensor, [str(session) for session in args.sessions]))
     if args.plot is not None:
-        write_plot(receiver, args.sensor, args.plot)
+        write_figure(lambda: draw_fit(receiver, args.sensor), args.plot)
     return 0
 
 

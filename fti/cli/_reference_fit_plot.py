@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from matplotlib.figure import Figure
 
 from fti.hil.approach_reference.fitted_receiver import FittedReceiver
-from fti.plot_style import BLUE, VERMILION, add_legend, label_axes, new_figure, write_figure
+from fti.plot_style import BLUE, VERMILION, add_legend, label_axes, new_figure
 
 
-def write_plot(receiver: FittedReceiver, sensor: str, file: Path) -> None:
-    """Draw into a new file.  Raises what ``fti.plot_style.write_figure`` raises."""
-    write_figure(lambda: _draw(receiver, sensor), file)
-
-
-def _draw(receiver: FittedReceiver, sensor: str) -> Figure:
+def draw_fit(receiver: FittedReceiver, sensor: str) -> Figure:
+    """The whole figure."""
     parameters = ", ".join(f"{name} {value:.4g}" for name, value, _, _ in receiver.rows())
     figure = new_figure(f"Receiver of {sensor}", f"{receiver.model}: {parameters}")
     by_time, by_range = figure.subplots(2, 1)

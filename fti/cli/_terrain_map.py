@@ -32,7 +32,6 @@ from fti.plot_style import (
     VERMILION,
     label_axes,
     new_figure,
-    write_figure,
 )
 from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.terrain import Terrain
@@ -73,17 +72,11 @@ class View(NamedTuple):
         return float(max(np.ptp(self.east), np.ptp(self.north)))
 
 
-def write_map(terrain: Terrain, file: Path, profile: Ends | None) -> None:
-    """Draw a terrain into a new file.  profile : its ends, latitude and longitude [rad]
-
-    Raises StorageError when the file cannot be written, ConfigError for a profile outside the terrain, and where no
-    point of the map has a known height.
-    """
-    write_figure(lambda: draw_map(terrain, profile), file)
-
-
 def draw_map(terrain: Terrain, profile: Ends | None) -> Figure:
-    """The whole figure."""
+    """The whole figure.  profile : its ends, latitude and longitude [rad]
+
+    Raises ConfigError for a profile outside the terrain, and where no point of the map has a known height.
+    """
     view = _sample_view(terrain)
     frame = terrain.frame
     cells = ", ".join(f"{layer.cell_m:g}" for layer in terrain.layers)

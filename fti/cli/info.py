@@ -17,8 +17,8 @@ be read to its end).
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from fti.cli._arguments import new_file
 from fti.cli._printing import print_json, print_lines
 
 
@@ -27,15 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", metavar="SESSION", nargs="+", help="session folders or MCAP files of one session")
     parser.add_argument("--json", action="store_true", help="print JSON only")
     parser.add_argument(
-        "--plot", metavar="FILE", type=_picture, help="also plot the activity to FILE (.svg, .html; must not exist)"
+        "--plot",
+        metavar="FILE",
+        type=new_file(".svg", ".html"),
+        help="also plot the activity to FILE (.svg, .html; must not exist)",
     )
-
-
-def _picture(text: str) -> Path:
-    path = Path(text)
-    if path.suffix not in (".svg", ".html"):
-        raise argparse.ArgumentTypeError(f"{text}: must end with .svg or .html")
-    return path
 
 
 def run(args: argparse.Namespace) -> int:

@@ -46,12 +46,14 @@ has losses.  With several flights all are scored, even if one cannot be; the exi
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fti.cli._arguments import new_file, picture
 from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli.main import EXIT_LOSSES, EXIT_WRONG
-from fti.errors import FtiError, MissingError, RecordingError
+from fti.errors import FtiError, RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -73,8 +75,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--truth", metavar="FILE", help="truth file of the flight (default: those in SESSION)")
     parser.add_argument("--config", metavar="CONFIG", help="configuration for the expected flags, not the emulator's")
     parser.add_argument("--fly", metavar="DIR", help="fly each scenario first, accelerated, and record below DIR")
-    parser.add_argument("--plot", metavar="FILE", help="plot faults and flags over time to FILE (.png, .svg)")
-    parser.add_argument("--junit", metavar="FILE", help="write JUnit XML: a miss is a failure, a late bench an error")
+    parser.add_argument(
+        "--plot", type=picture, metavar="FILE", help="plot faults and flags over time to FILE (.png, .svg)"
+    )
+    parser.add_argument(
+        "--junit", type=new_file(), metavar="FILE", help="write JUnit XML: a miss is a failure, a late bench an error"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
@@ -84,7 +90,6 @@ def run(args: argparse.Namespace) -> int:
     from fti.post.score import junit
     from fti.post.score.report import as_json_list, as_summary
 
-    _check_files(args)
     opened: list[Recording] = []
     jobs = _jobs(args, opened)
     scores: list[Score | UnscoredFlight] = []
@@ -98,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
         print_lines(["", *as_summary(scores)])
     _draw(scores, args.plot)
     if args.junit:
-        junit.write(scores, Path(args.junit))
+        junit.write(scores, args.junit)
     for recording in opened:
         report_faults(recording)
     return _exit_code(scores) or (EXIT_LOSSES if any(recording.faults for recording in opened) else 0)
@@ -111,15 +116,6 @@ def _exit_code(scores: Sequence[Score | UnscoredFlight]) -> int:
     if any(isinstance(score, Score) and not score.holds for score in scores):
         return 1
     return next((score.exit_code for score in scores if not isinstance(score, Score)), 0)
-
-
-def _check_files(args: argparse.Namespace) -> None:
-    """Check before the flights that the output files are new."""
-    if args.plot and Path(args.plot).suffix not in (".png", ".svg"):
-        args.parser.error(f"--plot {args.plot}: must end with .png or .svg")
-    for file in (args.plot, args.junit):
-        if file and Path(file).exists():
-            raise MissingError(f"{file}: already exists; choose another name")
 
 
 def _jobs(args: argparse.Namespace, opened: list[Recording]) -> list[Job]:
@@ -174,14 +170,15 @@ def _print(score: Score | UnscoredFlight, first: bool) -> None:
         print_lines(as_text(score) if first else ["", *as_text(score)])
 
 
-def _draw(scores: Sequence[Score | UnscoredFlight], file: str | None) -> None:
+def _draw(scores: Sequence[Score | UnscoredFlight], file: Path | None) -> None:
     """Plot each flight to a separate file."""
-    from fti.post.score.comparison import Score
-    from fti.post.score.plot import draw
-
     if file is None:
         return
+    from fti.plot_style import write_figure
+    from fti.post.score.comparison import Score
+    from fti.post.score.plot import draw_score
+
     for number, score in enumerate(scores):
-        path = Path(file)
         if isinstance(score, Score):
-            draw(score, path if len(scores) == 1 else path.with_stem(f"{path.stem}_{number}"))
+            path = file if len(scores) == 1 else file.with_stem(f"{file.stem}_{number}")
+            write_figure(partial(draw_score, score), path)

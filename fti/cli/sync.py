@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 
+from fti.cli._arguments import new_file
 from fti.cli._printing import print_json, print_lines
 
 
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """SESSION, CONFIG, --plot, --out, --json."""
     parser.add_argument("session", metavar="SESSION", help="session folder or raw file")
     parser.add_argument("config", metavar="CONFIG", nargs="?", help="another configuration")
-    parser.add_argument("--plot", metavar="FILE.html", help="write a page with plots")
+    parser.add_argument("--plot", metavar="FILE.html", type=new_file(), help="write a page with plots")
     parser.add_argument("--out", metavar="FILE", help="write the time base, to .csv or .mcap")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         write(sync, Path(args.out))
     if args.plot:
-        write_page(sync, session.name, Path(args.plot))
+        write_page(sync, session.name, args.plot)
     print_json(as_json(sync)) if args.json else print_lines(as_text(sync))
     report_faults(recording)
     return 3 if recording.faults else 0

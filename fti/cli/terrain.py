@@ -117,14 +117,15 @@ def _info(args: argparse.Namespace) -> int:
 
 def _plot(args: argparse.Namespace) -> int:
     from fti.cli._read_report import progress_bar
-    from fti.cli._terrain_map import write_map
+    from fti.cli._terrain_map import draw_map
+    from fti.plot_style import write_figure
     from fti.terrain.files.open_terrain import open_terrain
 
     with progress_bar() as bar:
         task = bar.add_task("reading", total=1.0)
         terrain = open_terrain(args.files, **_arguments(args), progress=lambda share: bar.update(task, completed=share))
         drawing = bar.add_task("drawing", total=None)
-        write_map(terrain, args.out, args.profile)
+        write_figure(lambda: draw_map(terrain, args.profile), args.out)
         bar.update(drawing, total=1.0, completed=1.0)
     print_line(args.out)
     return 0

@@ -11,9 +11,9 @@ from html import escape
 from itertools import groupby
 from pathlib import Path
 
-from fti.errors import StorageError
 from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
+from fti.new_file import write_new_file
 from fti.post.overview import CONTINUOUS, SECOND_NS, Overview
 
 WIDTH, LEFT, RIGHT = 1280, 248, 1252
@@ -61,11 +61,7 @@ def write_plot(view: Overview, path: Path) -> None:
         f"<style>body {{ margin: 0; background: {PAGE}; }} svg {{ display: block; width: 100%; height: auto; }}</style>"
         f"</head>\n<body>\n{picture}\n</body></html>\n"
     )
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(page if path.suffix == ".html" else picture + "\n")
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
+    write_new_file(path, (page if path.suffix == ".html" else picture + "\n").encode())
 
 
 def make_svg(view: Overview) -> str:

@@ -7,7 +7,7 @@ import json
 from importlib.resources import files
 from pathlib import Path
 
-from fti.errors import StorageError
+from fti.new_file import write_new_file
 from fti.post.sync import Sync
 from fti.post.sync_report import as_text, computer_curve, curves
 
@@ -70,8 +70,4 @@ the line is the minimum delay, below which almost no message lies. A falling lin
 
 def write_page(sync: Sync, title: str, path: Path) -> None:
     """Write the page to a new file.  Raises StorageError when it cannot be written."""
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(page(sync, title))
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}") from None
+    write_new_file(path, page(sync, title).encode())

@@ -23,6 +23,7 @@ from fti.errors import ConfigError, StorageError
 from fti.logger import schemas
 from fti.nav.device_time.clock_estimator import ClockSegment
 from fti.nav.device_time.delay_envelope import EnvelopeLine, fit_line
+from fti.new_file import write_new_file
 from fti.post.sync import SECOND_NS, ComputerClock, DeviceClockSeries, Sync
 
 HOUR_NS = 3600 * SECOND_NS
@@ -118,18 +119,10 @@ def write(sync: Sync, path: Path) -> None:
     check_output_path(path)
     rows = time_base(sync)
     if path.suffix == ".mcap":
-        _write_new(path, _mcap(rows, sync.session_metadata))
+        write_new_file(path, _mcap(rows, sync.session_metadata))
         return
-    _write_new(_metadata_path(path), f"{json.dumps(dict(sync.session_metadata), indent=1)}\n".encode())
-    _write_new(path, _csv(rows))
-
-
-def _write_new(path: Path, data: bytes) -> None:
-    try:
-        with path.open("xb") as file:
-            file.write(data)
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}") from None
+    write_new_file(_metadata_path(path), f"{json.dumps(dict(sync.session_metadata), indent=1)}\n".encode())
+    write_new_file(path, _csv(rows))
 
 
 def _csv(rows: list[TimeBaseRow]) -> bytes:

@@ -305,8 +305,9 @@ def test_the_plot_shows_links_gaps_and_marks(
         "silent for 1.040 s from 8.960 s on",
     ]
     assert text.replace("http://www.w3.org/2000/svg", "").find("http") == -1
-    assert info(folder, "--plot", str(path)) == 2
-    assert "cannot be written: File exists" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        info(folder, "--plot", str(path))
+    assert "already exists; choose another name" in capsys.readouterr().err
 
 
 def test_a_plot_of_another_kind_is_refused(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from fti.errors import StorageError
+from fti.new_file import write_new_file
 from fti.post.score.comparison import Score
 from fti.post.score.outcome import UnscoredFlight
 from fti.post.score.results import ResultRow, result_rows
@@ -25,12 +25,7 @@ _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff
 
 def write(scores: Sequence[Score | UnscoredFlight], file: Path) -> None:
     """Write a new file.  Raises StorageError."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with file.open("xb") as out:
-            out.write(as_junit(scores))
-    except OSError as error:
-        raise StorageError(f"{error.filename}: cannot be written: {error.strerror}") from error
+    write_new_file(file, as_junit(scores))
 
 
 def as_junit(scores: Iterable[Score | UnscoredFlight]) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -21,12 +20,8 @@ PALE = "#D5D5D5"
 PlotRow = tuple[str, FlagRow | UnexpectedFlag | None]
 
 
-def draw(score: Score, file: Path) -> None:
-    """Write the plot to a new file (.png, .svg).  Raises StorageError."""
-    plot_style.write_figure(lambda: _figure(score), file)
-
-
-def _figure(score: Score) -> Figure:
+def draw_score(score: Score) -> Figure:
+    """The whole figure."""
     lines = _lines(score)
     figure = plot_style.new_figure(
         f"{score.scenario.title}: {score.outcome}",
