@@ -48,6 +48,7 @@ from fti.canframe import pack_can
 from fti.config import Link
 from fti.hil.event_loop import realtime_priority
 from fti.links.can import unpack_message
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -84,7 +85,9 @@ def write_links(folder: Path) -> Path:
 def make_session(folder: Path, seconds: float) -> Path:
     """A recording of them: instants of no common period."""
     rng, session = random.Random(1), SessionFolder.create(folder, "made", START_NS)
-    log = RawLog(session, [RawTopic(name, kind, {}) for name, kind in KINDS.items()], split_s=300, split_mb=100)
+    log = RawLog(
+        session, [RawTopic(name, kind, {}) for name, kind in KINDS.items()], LogSettings(split_s=300, split_mb=100)
+    )
     names = list(KINDS)
     for seq, t in enumerate(sorted(rng.uniform(0.0, seconds) for _ in range(round(RATE_HZ * seconds)))):
         link = names[seq % len(names)]

@@ -5,16 +5,15 @@ from __future__ import annotations
 import dataclasses
 import operator
 import typing
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from fti.logger import foxglove, schemas
 from fti.logger.encoding import encode
-from fti.logger.log_layout import Attachment, LogLayout, Metadata
+from fti.logger.log_layout import LogLayout, LogSettings
 from fti.logger.schemas import Schema
 from fti.logger.session import SessionFolder
-from fti.logger.split_log import Log, SplitLog
+from fti.logger.split_log import SplitLog
 from fti.messages.measurements import DmeRange, Measurement, Reading, SurfaceDeflection
 from fti.messages.outputs import Event, NavSolution, Output
 from fti.messages.topics import EVENT_TOPIC, GAP_TOPIC, LOCATION_TOPIC, UNDECIMATED, measurement_topic, output_topic
@@ -61,36 +60,14 @@ class Decimator:
         return True
 
 
-class DerivedLog(Log):
+class DerivedLog(SplitLog):
     """Writes the derived files of a session.  All methods except ``flush``, ``sync`` and ``close`` only buffer.
 
-    folder, folders : see SplitLog
+    folder : see SplitLog
     """
 
-    def __init__(
-        self,
-        folder: SessionFolder | None,
-        *,
-        split_s: float,
-        split_mb: float,
-        attachments: Sequence[Attachment] = (),
-        metadata: Metadata | None = None,
-        decimate_hz: float = 25.0,
-        folders: Sequence[Path] = (),
-    ) -> None:
-        super().__init__(
-            SplitLog(
-                folder,
-                LogLayout(
-                    "derived",
-                    split_s=split_s,
-                    split_mb=split_mb,
-                    attachments=attachments,
-                    metadata=metadata or {},
-                    folders=folders,
-                ),
-            )
-        )
+    def __init__(self, folder: SessionFolder | None, settings: LogSettings, *, decimate_hz: float = 25.0) -> None:
+        super().__init__(folder, LogLayout("derived", settings))
         self._decimator = Decimator(decimate_hz)
         self._channels: dict[str, int] = {}
         self._channels_of: dict[tuple[str, type], int] = {}
@@ -141,11 +118,11 @@ class DerivedLog(Log):
     def _channel(self, topic: str, schema: Schema) -> int:
         channel = self._channels.get(topic)
         if channel is None:
-            channel = self._channels[topic] = self._log.add_channel(topic, "json", schema)
+            channel = self._channels[topic] = self.add_channel(topic, "json", schema)
         return channel
 
     def _write(self, channel: int, times: tuple[int, int | None], data: bytes) -> None:
-        writer = self._log.segment.writer
+        writer = self.segment.writer
         writer.write(channel, times[0], data, 0, times[1])
         if writer.pending_bytes >= PENDING_LIMIT:
             self.flush()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from fti.logger.metadata_checksum import all_changed_tables, with_checksums
@@ -32,32 +33,36 @@ def altered_tables(tables: Metadata) -> list[str]:
     return all_changed_tables(FILE_METADATA, tables, (CLOSED_METADATA, RECOVERED_METADATA))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogSettings:
+    """Settings of the files of a session, which are readable alone.
+
+    split_s, split_mb     : time span of the messages [s] and size [MiB] at which the next file begins
+    attachments, metadata : content of every file
+    folders               : all folders that may hold files of the session; every file lists them
+    """
+
+    split_s: float
+    split_mb: float
+    attachments: Sequence[Attachment] = ()
+    metadata: Metadata = field(default_factory=dict)
+    folders: Sequence[Path] = ()
+
+
 class LogLayout:
     """Layout of the files of one kind of a session.
 
-    split_s, split_mb : time span of the messages [s] and size [MiB] at which the next file begins
-    numbering         : of the files, shared with other users of the same numbers
-    folders           : all folders that may hold files of the session; every file lists them
+    numbering : of the files, shared with other users of the same numbers
     """
 
-    def __init__(
-        self,
-        kind: Kind,
-        *,
-        split_s: float,
-        split_mb: float,
-        attachments: Sequence[Attachment],
-        metadata: Metadata,
-        numbering: Numbering | None = None,
-        folders: Sequence[Path] = (),
-    ) -> None:
+    def __init__(self, kind: Kind, settings: LogSettings, numbering: Numbering | None = None) -> None:
         self.kind = kind
         self.numbering = numbering or Numbering()
-        self.split_ns = round(split_s * SECOND_NS)
-        self.split_bytes = round(split_mb * MEGABYTE)
-        self._attachments = tuple(attachments)
-        self._metadata = metadata
-        self._folders = {f"{STORAGE_TARGET_KEY}{n}": str(path) for n, path in enumerate(folders)}
+        self.split_ns = round(settings.split_s * SECOND_NS)
+        self.split_bytes = round(settings.split_mb * MEGABYTE)
+        self._attachments = settings.attachments
+        self._metadata = settings.metadata
+        self._folders = {f"{STORAGE_TARGET_KEY}{n}": str(path) for n, path in enumerate(settings.folders)}
         self._schemas: dict[str, tuple[int, Schema]] = {}
         self._channels: list[tuple[str, str, int, Mapping[str, str]]] = []
 
@@ -91,15 +96,14 @@ class LogLayout:
         metadata: Mapping[str, str] | None = None,
     ) -> int:
         """Declare a channel in the open file and all later ones; returns its id, counted from 1."""
-        schema_id = self._add_schema(writer, schema) if schema else 0
+        schema_id = 0
+        if schema and schema.name not in self._schemas:
+            self._schemas[schema.name] = len(self._schemas) + 1, schema
+            if writer:
+                writer.add_schema(schema.name, schema.encoding, schema.data)
+        if schema:
+            schema_id, _ = self._schemas[schema.name]
         self._channels.append((topic, encoding, schema_id, metadata or {}))
         if writer:
             writer.add_channel(*self._channels[-1])
         return len(self._channels)
-
-    def _add_schema(self, writer: StreamWriter | None, schema: Schema) -> int:
-        if schema.name not in self._schemas:
-            self._schemas[schema.name] = len(self._schemas) + 1, schema
-            if writer:
-                writer.add_schema(schema.name, schema.encoding, schema.data)
-        return self._schemas[schema.name][0]

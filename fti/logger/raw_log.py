@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fti.frame_batch import single_frame_batch
 from fti.logger import schemas
-from fti.logger.log_layout import Attachment, LogLayout, Metadata
+from fti.logger.log_layout import LogLayout, LogSettings
 from fti.logger.note_changes import ENTRY_TABLES, NoteChanges
 from fti.logger.session import Kind, Numbering, SessionFolder
-from fti.logger.split_log import Log, SplitLog
+from fti.logger.split_log import SplitLog
 from fti.messages.topics import TICK_TOPIC
 
 RAW_ENCODING = "x-fti-raw"
@@ -28,10 +27,10 @@ class RawTopic:
     settings: Mapping[str, str]
 
 
-class RawLog(Log):
+class RawLog(SplitLog):
     """Writes the raw files of a session.  ``write_batches`` and ``write_json`` only buffer; ``flush`` writes.
 
-    folder : see SplitLog; numbering, folders : see Blueprint
+    folder : see SplitLog; numbering : see LogLayout
     MCAP sequence is the low 32 bits of seq; log time and publish time are the time of arrival.
     """
 
@@ -39,40 +38,22 @@ class RawLog(Log):
         self,
         folder: SessionFolder | None,
         links: Sequence[RawTopic],
+        settings: LogSettings,
         *,
-        split_s: float,
-        split_mb: float,
-        attachments: Sequence[Attachment] = (),
-        metadata: Metadata | None = None,
         numbering: Numbering | None = None,
-        folders: Sequence[Path] = (),
         kind: Kind = "raw",
     ) -> None:
-        super().__init__(
-            SplitLog(
-                folder,
-                LogLayout(
-                    kind,
-                    split_s=split_s,
-                    split_mb=split_mb,
-                    attachments=attachments,
-                    metadata={**(metadata or {}), LINKS_METADATA: {topic.link: topic.kind for topic in links}},
-                    numbering=numbering,
-                    folders=folders,
-                ),
-            )
-        )
-        self._write = self._log.write
-        self.write_batches = self._log.write_batches
+        metadata = {**settings.metadata, LINKS_METADATA: {topic.link: topic.kind for topic in links}}
+        super().__init__(folder, LogLayout(kind, replace(settings, metadata=metadata), numbering))
         self._received_channels = {topic.link: self._add_link("/raw/", topic) for topic in links}
         self._sent_channels = {topic.link: self._add_link("/tx/", topic) for topic in links}
-        self.tick_channel = self._log.add_channel(TICK_TOPIC, RAW_ENCODING)
+        self.tick_channel = self.add_channel(TICK_TOPIC, RAW_ENCODING)
         self._notes: dict[str, int] = {}
         self._changes = {topic: NoteChanges(topic) for topic in ENTRY_TABLES}
 
     def _add_link(self, prefix: str, topic: RawTopic) -> int:
         channel_metadata = {"link": topic.link, "kind": topic.kind, **topic.settings}
-        return self._log.add_channel(prefix + topic.link, RAW_ENCODING, None, channel_metadata)
+        return self.add_channel(prefix + topic.link, RAW_ENCODING, None, channel_metadata)
 
     def channels(self, link: str) -> tuple[int, int]:
         """The channels of received and of sent frames of a link; both share one numbering."""
@@ -98,12 +79,12 @@ class RawLog(Log):
         """
         channel = self._notes.get(topic)
         if channel is None:
-            channel = self._notes[topic] = self._log.add_channel(topic, "json", schemas.note_schema(topic))
+            channel = self._notes[topic] = self.add_channel(topic, "json", schemas.note_schema(topic))
         changes = self._changes.get(topic)
         if changes is None:
-            self._write(channel, t_ns, schemas.encode_note(topic, obj))
+            self.write(channel, t_ns, schemas.encode_note(topic, obj))
             return
-        file = self._log.segment.writer
+        file = self.segment.writer
         record = changes.record_of(file, t_ns, obj)
-        self._write(channel, t_ns, schemas.encode_note(topic, record))
+        self.write(channel, t_ns, schemas.encode_note(topic, record))
         changes.mark_recorded(file, t_ns, record)

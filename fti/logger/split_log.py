@@ -34,6 +34,16 @@ class SplitLog:
     # ----------------------------------------------------------------------------------------------------- segments
 
     @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        return self.segment.path
+
+    @property
+    def folder(self) -> SessionFolder:
+        """The folder of the current file."""
+        return self.segment.folder
+
+    @property
     def segment(self) -> LogSegment:
         """The current segment.  Raises ValueError when none is open."""
         if self._segment is None:
@@ -57,6 +67,24 @@ class SplitLog:
         """Bytes in all files of this log."""
         return self._left_bytes + (self._segment.bytes_written if self._segment else 0)
 
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes to write with the next flush."""
+        return self.segment.writer.pending_bytes
+
+    @property
+    def fault(self) -> str | None:
+        """Why the file cannot be split, although it accepts bytes; else None."""
+        return self.segment.fault
+
+    def is_superseded(self, segment: LogSegment) -> bool:
+        """Has a later file been written to since the segment was opened?  Then do not switch to it."""
+        return self.log_layout.numbering.is_superseded(segment.number)
+
+    def free_mb(self) -> float:
+        """Free space on the medium [MiB].  Raises StorageError."""
+        return self.segment.free_mb()
+
     # ------------------------------------------------------------------------------------------------------ filling
 
     def add_channel(
@@ -76,62 +104,16 @@ class SplitLog:
         """Buffer the batches of several channels."""
         self.segment.writer.write_batches(channel_batches)
 
-
-class Log:
-    """Base of the raw and the derived log: flush, sync, close and segments."""
-
-    def __init__(self, log: SplitLog) -> None:
-        self._log = log
-
-    @property
-    def path(self) -> Path:
-        """The file that is being written."""
-        return self._log.segment.path
-
-    @property
-    def folder(self) -> SessionFolder:
-        """The folder of the current file."""
-        return self._log.segment.folder
-
-    @property
-    def bytes_written(self) -> int:
-        """Bytes in all files of this log."""
-        return self._log.bytes_written
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes to write with the next flush."""
-        return self._log.segment.writer.pending_bytes
-
-    @property
-    def fault(self) -> str | None:
-        """Why the file cannot be split, although it accepts bytes; else None."""
-        return self._log.segment.fault
-
-    def free_mb(self) -> float:
-        """Free space on the medium [MiB].  Raises StorageError."""
-        return self._log.segment.free_mb()
+    # ------------------------------------------------------------------------------------------------------ writing
 
     def flush(self) -> None:
         """Write the buffer to the file, so that it survives the end of this process."""
-        self._log.segment.flush()
+        self.segment.flush()
 
     def sync(self) -> None:
         """Sync the file to the medium, so that it survives a power cut."""
-        self._log.segment.sync()
+        self.segment.sync()
 
     def close(self) -> None:
         """Finish the files."""
-        self._log.segment.close()
-
-    def open_segment(self, folder: SessionFolder) -> LogSegment:
-        """Open a segment in another folder, for ``switch_to``; for any thread.  Raises StorageError."""
-        return self._log.open_segment(folder)
-
-    def is_superseded(self, segment: LogSegment) -> bool:
-        """Has a later file been written to since the segment was opened?  Then do not switch to it."""
-        return self._log.log_layout.numbering.is_superseded(segment.number)
-
-    def switch_to(self, segment: LogSegment) -> None:
-        """Continue in another segment.  Unflushed data are dropped; the caller writes them again."""
-        self._log.switch_to(segment)
+        self.segment.close()

@@ -24,6 +24,7 @@ from fti.hil.environment import Environment
 from fti.hil.memory_backend import BEGIN_NS, MemoryBackend
 from fti.hil.scenario import Scenario
 from fti.logger.derived_log import DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
 from fti.messages.frames import TICK_LINK, TICK_PERIOD_NS, LinkState, RawFrame
@@ -76,16 +77,14 @@ class OfflineSession:
         self._frames: Counter[str] = Counter()
         self._bytes: Counter[str] = Counter()
         self._last_ns: dict[str, int] = {}
-        log_options: dict[str, Any] = {
-            "split_s": config.session.split_s,
-            "split_mb": config.session.split_mb,
-            "attachments": [
-                (n, "text/plain", t.encode()) for n, t in {CONFIG_ATTACHMENT: config.text, **texts}.items()
-            ],
-            "metadata": {"fti": metadata},
-        }
-        self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], **log_options)
-        self._derived = DerivedLog(folder, decimate_hz=DECIMATE_HZ, **log_options)
+        settings = LogSettings(
+            split_s=config.session.split_s,
+            split_mb=config.session.split_mb,
+            attachments=[(n, "text/plain", t.encode()) for n, t in {CONFIG_ATTACHMENT: config.text, **texts}.items()],
+            metadata={"fti": metadata},
+        )
+        self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], settings)
+        self._derived = DerivedLog(folder, settings, decimate_hz=DECIMATE_HZ)
         # The clock of the alarm board may stand still: reports and health carry their own times.
         self._alarms = AlarmBoard(FakeClock(BEGIN_NS), lambda topic, payload: None, self._raw.write_json, lambda: None)
         if config.nav.terrain:

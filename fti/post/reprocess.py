@@ -24,6 +24,7 @@ from fti.config import Config, position_sources
 from fti.devices import BoundDevice, bind_devices, parse_reference, read_texts
 from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
@@ -264,10 +265,12 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
     folder = SessionFolder.create(out, session.name, first.t_rx_ns)
     log = DerivedLog(
         folder,
-        split_s=session.split_s,
-        split_mb=session.split_mb,
-        attachments=[(name, "text/plain", text.encode()) for name, text in texts.items()],
-        metadata={"fti": {**recording.metadata.get("fti", {}), "reprocessed": "true"}},
+        LogSettings(
+            split_s=session.split_s,
+            split_mb=session.split_mb,
+            attachments=[(name, "text/plain", text.encode()) for name, text in texts.items()],
+            metadata={"fti": {**recording.metadata.get("fti", {}), "reprocessed": "true"}},
+        ),
     )
     with infrequent_gc():
         done = 0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from fti.logger.derived_log import DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 from fti.messages.measurements import Attitude, ImuSample, Stamp
@@ -38,10 +38,9 @@ def record_raw(
     log = RawLog(
         folder,
         LINKS,
-        split_s=split_s,
-        split_mb=100,
-        metadata={"fti": ABOUT},
-        attachments=[("config.toml", "text/plain", CONFIG)],
+        LogSettings(
+            split_s=split_s, split_mb=100, metadata={"fti": ABOUT}, attachments=[("config.toml", "text/plain", CONFIG)]
+        ),
     )
     for seq in seqs:
         t_ns = STARTED + seq * SECOND // 50
@@ -55,19 +54,19 @@ def record_raw(
 
 def record_snapshots(folder: SessionFolder, *parts: range) -> None:
     """A session in mode "snapshot" of 6 s: ticks in the raw file, frames of some numbers in a snapshot file each."""
-    keys: dict[str, Any] = {
-        "split_s": 300,
-        "split_mb": 100,
-        "metadata": {"fti": {**ABOUT, "mode": "snapshot"}},
-        "attachments": [("config.toml", "text/plain", CONFIG)],
-    }
-    log = RawLog(folder, LINKS, **keys)
+    settings = LogSettings(
+        split_s=300,
+        split_mb=100,
+        metadata={"fti": {**ABOUT, "mode": "snapshot"}},
+        attachments=[("config.toml", "text/plain", CONFIG)],
+    )
+    log = RawLog(folder, LINKS, settings)
     for seq in range(0, 300, 10):
         log.write_tick(seq, STARTED + seq * SECOND // 50)
     mark(log, 2.0, "flutter")
     log.close()
     for part in parts:
-        shot = RawLog(folder, LINKS, kind="snapshot", **keys)
+        shot = RawLog(folder, LINKS, settings, kind="snapshot")
         for seq in (seq for seq in part if seq % 10):
             shot.write_frame("ins" if seq % 2 else "radar", seq, STARTED + seq * SECOND // 50, bytes(10))
         shot.close()
@@ -81,7 +80,7 @@ def mark(log: RawLog, t_s: float, text: str) -> None:
 
 def record_derived(folder: SessionFolder) -> None:
     """Two inertial samples, the first unknown; a glide slope with reasons; an attitude."""
-    log = DerivedLog(folder, split_s=300, split_mb=100)
+    log = DerivedLog(folder, LogSettings(split_s=300, split_mb=100))
     log.write_measurement("imu", ImuSample(stamp=Stamp(STARTED)))
     log.write_measurement("imu", ImuSample(stamp=Stamp(STARTED + SECOND), accel_b=(0.1, -0.2, 9.81)))
     log.write_measurement("ins", Attitude(stamp=Stamp(STARTED + SECOND), roll=0.01, valid=True))

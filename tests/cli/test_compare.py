@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from fti.cli.main import main
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 
@@ -20,7 +21,11 @@ FRAMES: Frames = {"line": [b"abc", b"def"], "eth": [b"one", b"two"]}
 
 def record(folder: Path, frames: Frames) -> str:
     session = SessionFolder.create(folder, "compared", START_NS)
-    log = RawLog(session, [RawTopic(link, kind, {}) for link, kind in LINKS if link in frames], split_s=9, split_mb=9)
+    log = RawLog(
+        session,
+        [RawTopic(link, kind, {}) for link, kind in LINKS if link in frames],
+        LogSettings(split_s=9, split_mb=9),
+    )
     arrived = [(link, data) for link, all_of_it in frames.items() for data in all_of_it]
     for seq, (link, data) in enumerate(arrived):
         log.write_frame(link, seq, START_NS + seq, data)

@@ -15,7 +15,7 @@ from fti.cli.main import main
 from fti.errors import StorageError
 from fti.logger.export import csv_table
 from fti.logger.export.columns import Column, ColumnFinder, Type, flatten
-from fti.logger.log_layout import LogLayout
+from fti.logger.log_layout import LogLayout, LogSettings
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import Schema
 from fti.logger.session import SessionFolder
@@ -300,7 +300,7 @@ def test_heights_of_an_earlier_version_keep_their_own_columns(tmp_path: Path) ->
     old = {"t_ns": STARTED, "sensor": "radar", "raw": 98.0, "height_agl": 100.0, "sd": 0.4}
     old |= {"compensated": 96.5, "compensated_sd": 2.1}
     schema = Schema("fti.HeightAboveGround", "jsonschema", json.dumps({"type": "object"}).encode())
-    log = SplitLog(folder, LogLayout("derived", split_s=300, split_mb=100, attachments=(), metadata={}))
+    log = SplitLog(folder, LogLayout("derived", LogSettings(split_s=300, split_mb=100, attachments=(), metadata={})))
     topic = log.add_channel("/nav/height_above_ground/radar", "json", schema)
     log.write(topic, STARTED, json.dumps(old).encode())
     log.segment.close()

@@ -21,6 +21,7 @@ from fti.cli._watch_view import render
 from fti.cli.main import main
 from fti.clock import FakeClock
 from fti.logger.export.names import table_names
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 from fti.messages.outputs import Event
@@ -71,10 +72,15 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     log = RawLog(
         folder,
         [RawTopic("radar", "serial", {}), RawTopic(EVIL, EVIL, {EVIL: EVIL})],
-        split_s=60,
-        split_mb=10,
-        metadata={"fti": dict.fromkeys(("name", "origin", "mode", "software", "config_file"), EVIL), EVIL: {"a": EVIL}},
-        attachments=[("config.toml", "text/plain", config.encode()), (EVIL, EVIL, b"")],
+        LogSettings(
+            split_s=60,
+            split_mb=10,
+            metadata={
+                "fti": dict.fromkeys(("name", "origin", "mode", "software", "config_file"), EVIL),
+                EVIL: {"a": EVIL},
+            },
+            attachments=[("config.toml", "text/plain", config.encode()), (EVIL, EVIL, b"")],
+        ),
     )
     for seq in range(100):
         t_ns = STARTED + seq * SECOND // 50

@@ -15,6 +15,7 @@ from fti.alarms.condition import Condition, ConditionReport, Severity
 from fti.cli._info_view import activity_bar, size_text
 from fti.cli.main import main
 from fti.logger.derived_log import DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
 from tests.cli.sessions import (
@@ -119,7 +120,7 @@ def test_text_reports_it_to_a_person(folder: SessionFolder, capsys: pytest.Captu
 def test_gnss_time_is_reported(
     folder: SessionFolder, scale: str, epoch_s: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = DerivedLog(folder, split_s=300, split_mb=100)
+    log = DerivedLog(folder, LogSettings(split_s=300, split_mb=100))
     utc_ns = STARTED + 3_600_250_000_000
     gnss = {"device": "gnss", "scale": scale, "time_ns": utc_ns - epoch_s * SECOND}
     for known in ({}, gnss, {}):
@@ -158,7 +159,7 @@ def test_a_snapshot_session_reports_it(folder: SessionFolder, capsys: pytest.Cap
 def test_a_snapshot_file_of_a_continuous_session_reports_it(
     folder: SessionFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = RawLog(folder, LINKS, kind="snapshot", split_s=4, split_mb=100, metadata={"fti": ABOUT})
+    log = RawLog(folder, LINKS, LogSettings(split_s=4, split_mb=100, metadata={"fti": ABOUT}), kind="snapshot")
     log.write_frame("ins", 0, STARTED, b"x")
     log.close()
     assert main(["info", str(folder.files("snapshot")[0])]) == 0
@@ -174,7 +175,9 @@ def record_in_two_places(tmp_path: Path) -> tuple[Path, Path]:
     main_place.mkdir(parents=True)
     spare.mkdir(parents=True)
     log = RawLog(
-        SessionFolder(main_place), LINKS, split_s=2, split_mb=100, metadata={"fti": ABOUT}, folders=[main_place, spare]
+        SessionFolder(main_place),
+        LINKS,
+        LogSettings(split_s=2, split_mb=100, metadata={"fti": ABOUT}, folders=[main_place, spare]),
     )
     for seq in range(300):
         log.write_frame("ins" if seq % 2 else "radar", seq, STARTED + seq * SECOND // 50, bytes(10))

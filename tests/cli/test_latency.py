@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fti.cli.main import main
 from fti.logger.derived_log import DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.messages.outputs import HeightAboveGround
 from tests.cli.sessions import SECOND, STARTED, make_folder, record_raw
 
@@ -21,7 +22,7 @@ def recorded(tmp_path: Path, *, predicted: bool = True, late_s: float = LATE_S) 
     """A session with 150 s of a radar that is late, 0.3 m of noise, and of a laser that is not predicted."""
     folder = make_folder(tmp_path)
     record_raw(folder, range(10)).close()
-    log = DerivedLog(folder, split_s=300, split_mb=100)
+    log = DerivedLog(folder, LogSettings(split_s=300, split_mb=100))
     rng = np.random.default_rng(1)
     t = np.arange(0, LENGTH_S, 1.0 / RATE)
     phases, periods = rng.uniform(0.0, 6.28, 12), rng.uniform(3.0, 20.0, 12)

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from fti.canframe import pack_can
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -82,7 +83,7 @@ def record_session(folder: Path, seconds: float, text: str) -> Path:
     session, rng = SessionFolder.create(folder, "made", START_NS), random.Random(1)
     topics = [RawTopic(link, kind, {}) for link, (kind, _) in LINKS.items()]
     attachments = [("config.toml", "text/plain", text.encode())]
-    log = RawLog(session, topics, split_s=300, split_mb=100, attachments=attachments)
+    log = RawLog(session, topics, LogSettings(split_s=300, split_mb=100, attachments=attachments))
     log.write_sent("line", 0, START_NS, b"what the daemon had sent")
     due = [
         (k / hz + rng.uniform(0, 0.5 / hz), link) for link, (_, hz) in LINKS.items() for k in range(round(seconds * hz))

@@ -15,6 +15,7 @@ import pytest
 
 from fti.errors import MissingError, RecordingError
 from fti.hil.prefetch_process import BATCH_FRAMES, PIPE_BYTES, PrefetchProcess, PrefetchRequest, write_batches
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 from fti.messages.frames import RawFrame
@@ -26,7 +27,7 @@ START_NS = 1_700_000_000_000_000_000
 def recorded(folder: Path, count: int, size: int = 8) -> Path:
     """A session of one link, a frame in each millisecond."""
     session = SessionFolder.create(folder, "made", START_NS)
-    log = RawLog(session, [RawTopic("eth", "udp", {})], split_s=300, split_mb=100)
+    log = RawLog(session, [RawTopic("eth", "udp", {})], LogSettings(split_s=300, split_mb=100))
     for seq in range(count):
         log.write_frame("eth", seq, START_NS + 1_000_000 * seq, seq.to_bytes(4, "little") + bytes(size - 4))
     log.close()

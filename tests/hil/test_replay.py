@@ -33,6 +33,7 @@ from fti.hil.report import TransmissionReport
 from fti.hil.session_config import recorded_config
 from fti.hil.status import describe_replay
 from fti.latency_histogram import LatencyHistogram
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -81,7 +82,7 @@ def record(tmp_path: Path, text: str, recorded: list[RawFrame]) -> Path:
     folder = SessionFolder.create(tmp_path, "replayed", START_NS)
     links = [RawTopic(link, kind, {}) for link, kind in (("line", "serial"), ("eth", "udp"), ("bus", "can"))]
     attachments = [("config.toml", "text/plain", text.encode())]
-    log = RawLog(folder, links, split_s=300, split_mb=100, attachments=attachments)
+    log = RawLog(folder, links, LogSettings(split_s=300, split_mb=100, attachments=attachments))
     for frame in recorded:
         log.write_frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
     log.close()
@@ -234,19 +235,19 @@ def record_snapshots(tmp_path: Path, text: str, recorded: list[RawFrame]) -> Pat
     """A session in mode "snapshot": ticks and a file for each of the parts; every other frame was not triggered."""
     folder = SessionFolder.create(tmp_path, "replayed", START_NS)
     links = [RawTopic(link, kind, {}) for link, kind in (("line", "serial"), ("eth", "udp"), ("bus", "can"))]
-    keys: dict[str, Any] = {
-        "split_s": 300,
-        "split_mb": 100,
-        "attachments": [("config.toml", "text/plain", text.encode())],
-        "metadata": {"fti": {"mode": "snapshot"}},
-    }
-    log = RawLog(folder, links, **keys)
+    settings = LogSettings(
+        split_s=300,
+        split_mb=100,
+        attachments=[("config.toml", "text/plain", text.encode())],
+        metadata={"fti": {"mode": "snapshot"}},
+    )
+    log = RawLog(folder, links, settings)
     for frame in recorded:
         if is_tick(frame):
             log.write_tick(frame.seq, frame.t_rx_ns)
     log.close()
     for part in PARTS:
-        shot = RawLog(folder, links, kind="snapshot", **keys)
+        shot = RawLog(folder, links, settings, kind="snapshot")
         for frame in recorded[part.start : part.stop]:
             if is_tick(frame):
                 shot.write_tick(frame.seq, frame.t_rx_ns)
@@ -325,7 +326,7 @@ def test_ticks_are_not_sent() -> None:
 
 def test_a_session_without_its_configuration_is_named(tmp_path: Path) -> None:
     folder = SessionFolder.create(tmp_path, "bare", START_NS)
-    log = RawLog(folder, [RawTopic("line", "serial", {})], split_s=300, split_mb=100)
+    log = RawLog(folder, [RawTopic("line", "serial", {})], LogSettings(split_s=300, split_mb=100))
     log.write_frame("line", 0, START_NS, b"x")
     log.close()
     with pytest.raises(MissingError, match=r"has no attachment config\.toml; give the configuration with --config"):

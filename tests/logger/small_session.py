@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 
@@ -133,7 +134,7 @@ class Recorder:
     def kill(self) -> None:
         """The file stays as it is."""
         self.log.flush()
-        self.log._log.segment.abandon()
+        self.log.segment.abandon()
 
 
 def payload(seq: int) -> bytes:
@@ -154,7 +155,7 @@ def time_of(seq: int) -> int:
 def open_log(folder: SessionFolder, **keys: Any) -> RawLog:
     """The raw log of a session with short files."""
     about = {"split_s": 2, "split_mb": 100, "metadata": {"fti": {"origin": "hil"}}, **keys}
-    return RawLog(folder, LINKS, attachments=[("config.toml", "text/plain", b"a = 1\n" * 20)], **about)
+    return RawLog(folder, LINKS, LogSettings(attachments=[("config.toml", "text/plain", b"a = 1\n" * 20)], **about))
 
 
 def make(folder: SessionFolder, frames: int = 500, **keys: Any) -> SessionFolder:

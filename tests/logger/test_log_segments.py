@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from fti.errors import MissingError, RecordingError, StorageError
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.file_numbers import absent_numbers
 from fti.logger.reading.mcap_file import McapFile
@@ -34,12 +35,12 @@ def folders(tmp_path: Path) -> list[SessionFolder]:
 def make_log(folders: list[SessionFolder], numbering: Numbering | None = None) -> RawLog:
     places = [folder.path for folder in folders]
     links = [RawTopic("a", "udp", {})]
-    return RawLog(folders[0], links, split_s=1e6, split_mb=100, numbering=numbering, folders=places)
+    return RawLog(folders[0], links, LogSettings(split_s=1e6, split_mb=100, folders=places), numbering=numbering)
 
 
 def move(log: RawLog, folder: SessionFolder) -> None:
     """Go on in another folder, as a change of the medium does."""
-    before = log._log.segment
+    before = log.segment
     log.switch_to(log.open_segment(folder))
     before.close()
 

@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 
 from fti.errors import StorageError
 from fti.logger.derived_log import Decimator, DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -33,7 +34,7 @@ ABOUT: dict[str, Any] = {"attachments": [("a.toml", "text/plain", b"x = 1")], "m
 
 
 def open_raw(folder: SessionFolder, split_s: float = 300, split_mb: float = 100) -> RawLog:
-    return RawLog(folder, TOPICS, split_s=split_s, split_mb=split_mb, **ABOUT)
+    return RawLog(folder, TOPICS, LogSettings(split_s=split_s, split_mb=split_mb, **ABOUT))
 
 
 @pytest.fixture
@@ -189,7 +190,7 @@ def test_the_recorder_stays_small() -> None:
 
 
 def open_derived(folder: SessionFolder) -> DerivedLog:
-    return DerivedLog(folder, split_s=300, split_mb=100, **ABOUT)
+    return DerivedLog(folder, LogSettings(split_s=300, split_mb=100, **ABOUT))
 
 
 def test_every_change_of_a_calibration_is_kept_however_fast_they_come(folder: SessionFolder) -> None:

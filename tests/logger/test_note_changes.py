@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
@@ -23,7 +24,7 @@ Table = dict[str, Any]
 
 
 def open_log(tmp_path: Path, split_s: float = 1e6) -> RawLog:
-    return RawLog(SessionFolder.create(tmp_path, "s", 0), [], split_s=split_s, split_mb=1000)
+    return RawLog(SessionFolder.create(tmp_path, "s", 0), [], LogSettings(split_s=split_s, split_mb=1000))
 
 
 def link(frames: int = 0, age_ms: float | None = None, **more: Any) -> Table:

@@ -15,6 +15,7 @@ from fti.config import TerrainFiles
 from fti.drivers import freeflight_ra4500 as ra
 from fti.errors import ConfigError, RecordingError
 from fti.logger.derived_log import DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -35,9 +36,11 @@ def _record(folder: Path, attachments: dict[str, str]) -> SessionFolder:
     log = RawLog(
         session,
         [RawTopic("line", "serial", {})],
-        split_s=60,
-        split_mb=10,
-        attachments=[(name, "text/plain", text.encode()) for name, text in attachments.items()],
+        LogSettings(
+            split_s=60,
+            split_mb=10,
+            attachments=[(name, "text/plain", text.encode()) for name, text in attachments.items()],
+        ),
     )
     seq = 0
     for i in range(FRAMES):
@@ -52,7 +55,7 @@ def _record(folder: Path, attachments: dict[str, str]) -> SessionFolder:
 
 
 def _note_gaps(session: SessionFolder, gaps: list[dict[str, Any]]) -> None:
-    log = DerivedLog(session, split_s=60, split_mb=10)
+    log = DerivedLog(session, LogSettings(split_s=60, split_mb=10))
     for gap in gaps:
         log.write_gap(START_NS, gap)
     log.close()
@@ -146,7 +149,7 @@ def test_a_readmission_is_repeated_behind_the_frame_behind_which_it_came(tmp_pat
     config = CONFIG.replace("[nav]\n", '[nav]\nposition = ["altimeter"]\n')
     session = _record(tmp_path, {"config.toml": config})
     frames = {frame.seq: frame.t_rx_ns for frame in Recording.open(session.path).frames()}
-    log = DerivedLog(session, split_s=60, split_mb=10)
+    log = DerivedLog(session, LogSettings(split_s=60, split_mb=10))
     log.write_note(READMISSION_TOPIC, START_NS, {"t_ns": frames[99] + 7, "after_seq": 99, "source": "altimeter"})
     log.close()
     again = Recording.open(_again(session, tmp_path / "again", as_flown=as_flown))
@@ -158,7 +161,7 @@ def test_a_readmission_is_repeated_behind_the_frame_behind_which_it_came(tmp_pat
 
 
 def _note_terrain(session: SessionFolder, note: dict[str, Any]) -> None:
-    log = DerivedLog(session, split_s=60, split_mb=10)
+    log = DerivedLog(session, LogSettings(split_s=60, split_mb=10))
     log.write_note(TERRAIN_TOPIC, START_NS, note)
     log.close()
 

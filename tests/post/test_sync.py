@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 
 from fti.cli.main import main
 from fti.drivers import nmea0183
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -48,10 +49,7 @@ def record(folder: Path, attachments: dict[str, str], *, times: bool = True, mod
     log = RawLog(
         session,
         [RawTopic("line", "serial", {})],
-        split_s=1000,
-        split_mb=10,
-        attachments=texts,
-        metadata={"fti": {"mode": mode}},
+        LogSettings(split_s=1000, split_mb=10, attachments=texts, metadata={"fti": {"mode": mode}}),
     )
     encoder = nmea0183.make_encoder(nmea0183.Options())
     rng = np.random.default_rng(1)

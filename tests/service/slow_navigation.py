@@ -22,6 +22,7 @@ from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.drivers.imar_ixcom.solution import encode_inssol
 from fti.drivers.imar_ixcom.status import HEALTHY, encode_status
 from fti.drivers.imar_ixcom.wire import encode_frame
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -144,9 +145,7 @@ class World:
         self._raw = RawLog(
             self.session,
             [RawTopic("line", "serial", {}), RawTopic("eth", "udp", {})],
-            split_s=3600,
-            split_mb=100,
-            attachments=[("config.toml", "text/plain", CONFIG.encode())],
+            LogSettings(split_s=3600, split_mb=100, attachments=[("config.toml", "text/plain", CONFIG.encode())]),
         )
         self._far, self._near = socket.socketpair()
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from fti.logger.derived_log import DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.logger.reading.recording import Recording
 from fti.logger.storage_target import StorageTarget
 from fti.messages.measurements import RadioHeight, Stamp
@@ -17,7 +18,7 @@ START_NS = 1_700_000_000_000_000_000
 
 
 def _writer(folder: Path) -> DerivedWriter:
-    log = DerivedLog(None, split_s=300, split_mb=100, folders=[folder])
+    log = DerivedLog(None, LogSettings(split_s=300, split_mb=100, folders=[folder]))
     return DerivedWriter(log, [StorageTarget.of(str(folder))], 0, lambda unit, error: None)
 
 

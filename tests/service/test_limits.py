@@ -14,6 +14,7 @@ import pytest
 from fti.config import Config, Session
 from fti.config.tables import UdpLink
 from fti.errors import MissingError, StorageError
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -71,7 +72,9 @@ def test_files_are_split_before_they_are_too_large(limit_mb: int, split_mb: int)
 def test_a_file_at_its_limit_is_a_fault_of_storage_and_the_next_file_takes_what_follows(tmp_path: Path) -> None:
     assert signal.getsignal(signal.SIGXFSZ) == signal.SIG_IGN
     folder = SessionFolder.create(tmp_path, "s", 10**18)
-    first, second = (RawLog(folder, [RawTopic("a", "udp", {})], split_s=60, split_mb=100) for _ in range(2))
+    first, second = (
+        RawLog(folder, [RawTopic("a", "udp", {})], LogSettings(split_s=60, split_mb=100)) for _ in range(2)
+    )
     with limited(resource.RLIMIT_FSIZE, 2**20), pytest.raises(StorageError, match="File too large"):
         for seq in range(10_000):
             first.write_frame("a", seq, 10**18 + seq, os.urandom(1000))

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from fti.buffers.triple_buffer import TripleBuffer
+from fti.logger.log_layout import LogSettings
 from fti.logger.log_segment import LogSegment
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
@@ -28,7 +29,7 @@ class Rig:
 
     def __init__(self, folder: Path, split_s: float = 300) -> None:
         self.folder = SessionFolder.create(folder, "s", 0)
-        self.log = RawLog(None, [RawTopic("a", "udp", {})], split_s=split_s, split_mb=100)
+        self.log = RawLog(None, [RawTopic("a", "udp", {})], LogSettings(split_s=split_s, split_mb=100))
         self.buffer = TripleBuffer()
         self.reports: list[str] = []
         source = LogSource("a", self.log.channels("a")[0], self.buffer)

@@ -11,6 +11,7 @@ import pytest
 
 from fti.config import Snapshot
 from fti.errors import StorageError
+from fti.logger.log_layout import LogSettings
 from fti.logger.log_segment import LogSegment
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
@@ -29,7 +30,7 @@ class Rig:
     def __init__(self, folder: Path, before_s: float = 1.0, after_s: float = 0.5, max_mb: float = 64.0) -> None:
         self.folder: SessionFolder | None = SessionFolder.create(folder, "s", 0)
         self.path = self.folder.path
-        self.log = RawLog(None, [RawTopic("a", "udp", {})], split_s=1e6, split_mb=1e3, kind="snapshot")
+        self.log = RawLog(None, [RawTopic("a", "udp", {})], LogSettings(split_s=1e6, split_mb=1e3), kind="snapshot")
         self.reports: list[str] = []
         self.sink = SnapshotSink(
             self.log,

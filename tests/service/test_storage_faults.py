@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.logger import storage
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.session_metadata import remarks
@@ -86,7 +87,9 @@ class Rig:
         self.set(*status[: len(roots)])
         self.folders = [root / "s_0" for root in roots]
         links = [RawTopic("a", "udp", {})]
-        self.log = RawLog(None, links, split_s=split_s, split_mb=100, numbering=Numbering(), folders=self.folders)
+        self.log = RawLog(
+            None, links, LogSettings(split_s=split_s, split_mb=100, folders=self.folders), numbering=Numbering()
+        )
         self.buffer = TripleBuffer(capacity)
         self.reports: list[str] = []
         source = LogSource("a", self.log.channels("a")[0], self.buffer)
@@ -333,7 +336,7 @@ class SickSync:
     def __init__(self, rig: Rig, monkeypatch: pytest.MonkeyPatch, refusals: int) -> None:
         self.calls = 0
         self._remaining = refusals
-        self._fd = rig.log._log.segment.writer.fileno()
+        self._fd = rig.log.segment.writer.fileno()
         self._sync = os.fdatasync
         self.file = rig.log.path
         monkeypatch.setattr(os, "fdatasync", self._refuse)

@@ -14,6 +14,7 @@ from fti.bus.message import encode_with_age
 from fti.clock import SystemClock
 from fti.devices import bind_devices, parse_reference
 from fti.logger.derived_log import DerivedLog
+from fti.logger.log_layout import LogSettings
 from fti.messages.frames import TICK_LINK, RawFrame
 from fti.messages.measurements import Ack
 from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
@@ -74,11 +75,13 @@ class NavigationProcess:
         session, targets = startup.config.session, startup.targets()
         log = DerivedLog(
             None,
-            split_s=session.split_s,
-            split_mb=session.split_mb,
-            attachments=[(name, "text/plain", text.encode()) for name, text in startup.attachments.items()],
-            metadata={"fti": startup.metadata},
-            folders=[target.folder for target in targets],
+            LogSettings(
+                split_s=session.split_s,
+                split_mb=session.split_mb,
+                attachments=[(name, "text/plain", text.encode()) for name, text in startup.attachments.items()],
+                metadata={"fti": startup.metadata},
+                folders=[target.folder for target in targets],
+            ),
         )
         return DerivedWriter(log, targets, session.min_free_mb, self._report)
 

@@ -12,6 +12,7 @@ from fti.buffers.triple_buffer import TripleBuffer
 from fti.clock import SystemClock, next_beat
 from fti.config import altimeter_links
 from fti.links import Link, add_beat_callbacks, open_link, remove_beat_callbacks
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.messages.frames import TICK_LINK
@@ -76,12 +77,14 @@ class RecorderProcess:
         return RawLog(
             None,
             topics,
-            split_s=session.split_s,
-            split_mb=session.split_mb,
-            attachments=[(name, "text/plain", text.encode()) for name, text in self._startup.attachments.items()],
-            metadata={"fti": self._startup.metadata},
+            LogSettings(
+                split_s=session.split_s,
+                split_mb=session.split_mb,
+                attachments=[(name, "text/plain", text.encode()) for name, text in self._startup.attachments.items()],
+                metadata={"fti": self._startup.metadata},
+                folders=[target.folder for target in self._targets],
+            ),
             numbering=numbering,
-            folders=[target.folder for target in self._targets],
             kind=kind,
         )
 

@@ -17,6 +17,7 @@ from typing import Any
 from unittest import mock
 
 from fti.frame_batch import FrameBatch
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 from tests.logger.campaign.mcap_parser import ParsedFile, parse
@@ -251,7 +252,7 @@ def make_open_session(directory: Path, shape: Shape, chance: Random) -> OpenSess
         _run_until_killed(recorder, kernel, log, shape, chance)
     path = log.path
     durable = kernel.durable.get(path.stat().st_ino, b"")
-    log._log.segment.abandon()
+    log.segment.abandon()
     files = {file.name: file.read_bytes() for file in sorted(folder.path.glob("*.mcap"))}
     session = OpenSession(folder.name, shape.name, files, path.name, durable)
     session.parsed = parse(session.data)
@@ -266,7 +267,9 @@ def _open_log(folder: SessionFolder, shape: Shape) -> RawLog:
     ]
     metadata = {"fti": {"origin": "hil", "version": "1"}, "fti.clock": {"epoch_ns": str(STARTED_NS)}}
     topics = [RawTopic(name, kind, {"baud": "57600"} if kind == "serial" else {}) for name, kind, *_ in LINKS]
-    return RawLog(folder, topics, split_s=shape.split_s, split_mb=1000, attachments=attachments, metadata=metadata)
+    return RawLog(
+        folder, topics, LogSettings(split_s=shape.split_s, split_mb=1000, attachments=attachments, metadata=metadata)
+    )
 
 
 def _run_until_killed(recorder: _Recorder, kernel: Kernel, log: RawLog, shape: Shape, chance: Random) -> None:
@@ -275,7 +278,7 @@ def _run_until_killed(recorder: _Recorder, kernel: Kernel, log: RawLog, shape: S
         while recorder.now_ns < end_ns + SECOND_NS * 5:
             if recorder.now_ns >= end_ns and kernel.calls_left is None:
                 kernel.calls_left = chance.choice((0, 1, 2, 3, chance.randrange(200)))
-            log._log.segment.writer._chunk_bytes = shape.chunk_bytes
+            log.segment.writer._chunk_bytes = shape.chunk_bytes
             recorder.step()
 
 

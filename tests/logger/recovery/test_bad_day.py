@@ -10,6 +10,7 @@ import pytest
 from mcap.writer import CompressionType
 
 from fti.cli.main import main
+from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
@@ -24,7 +25,7 @@ PAYLOAD = 120
 def write_session(folder: Path, seconds: int, *, finish: bool = False) -> Path:
     """A raw file as a recorder writes it: 50 frames and a sync each second; its recorder was killed."""
     session = SessionFolder.create(folder, "da42", START_NS)
-    log = RawLog(session, [RawTopic("ins", "udp", {})], split_s=3600, split_mb=1000)
+    log = RawLog(session, [RawTopic("ins", "udp", {})], LogSettings(split_s=3600, split_mb=1000))
     for seq in range(50 * seconds):
         log.write_frame("ins", seq, START_NS + seq * 20_000_000, frame(seq))
         log.flush()
@@ -33,7 +34,7 @@ def write_session(folder: Path, seconds: int, *, finish: bool = False) -> Path:
     if finish:
         log.close()
     path = log.path
-    log._log.segment.abandon()  # as a kill does: descriptors go, nothing is written
+    log.segment.abandon()  # as a kill does: descriptors go, nothing is written
     return path
 
 
@@ -171,7 +172,7 @@ def test_a_file_without_a_footer_is_not_proved_complete(tmp_path: Path, capsys: 
 
 def test_altered_metadata_is_copied_and_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = SessionFolder.create(tmp_path, "da42", START_NS)
-    log = RawLog(session, [], split_s=60, split_mb=10, metadata={"fti": {"aircraft": "D-EFTI"}})
+    log = RawLog(session, [], LogSettings(split_s=60, split_mb=10, metadata={"fti": {"aircraft": "D-EFTI"}}))
     log.write_tick(0, START_NS)
     log.close()
     path = log.path
@@ -248,7 +249,7 @@ def test_a_damaged_checkpoint_gives_one_answer_before_and_after(
 def test_a_table_before_a_damaged_attachment_is_copied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = SessionFolder.create(tmp_path, "da42", START_NS)
     text = b"name = 1\n" * 20
-    log = RawLog(session, [], split_s=60, split_mb=10, attachments=[("config.toml", "text/plain", text)])
+    log = RawLog(session, [], LogSettings(split_s=60, split_mb=10, attachments=[("config.toml", "text/plain", text)]))
     log.write_tick(0, START_NS)
     log.close()
     flip(log.path, log.path.read_bytes().index(text) + 5)

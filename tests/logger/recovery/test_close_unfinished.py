@@ -12,6 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger import records
+from fti.logger.log_layout import LogSettings
 from fti.logger.metadata_checksum import with_checksums
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.limits import MAX_RECORD
@@ -192,7 +193,9 @@ def test_what_a_kill_leaves_is_proved_up_to_the_last_flush(tmp_path: Path) -> No
 def test_a_kill_while_a_file_is_begun_is_no_damage(tmp_path: Path) -> None:
     folder = SessionFolder.create(tmp_path, "s", 0)
     text = ("config.toml", "text/plain", b"[session]")
-    log = RawLog(folder, [RawTopic("a", "udp", {})], split_s=1, split_mb=1, attachments=[text], metadata={"fti": {}})
+    log = RawLog(
+        folder, [RawTopic("a", "udp", {})], LogSettings(split_s=1, split_mb=1, attachments=[text], metadata={"fti": {}})
+    )
     log.close()
     with log.path.open("rb") as stream:
         summary = make_reader(stream).get_summary()

@@ -15,7 +15,8 @@ from mcap.stream_reader import StreamReader
 
 from fti.cli.main import main
 from fti.logger.derived_log import DerivedLog
-from fti.logger.reading.record_validation import ChunkHead, chunk_head
+from fti.logger.log_layout import LogSettings
+from fti.logger.reading.record_cursor import ChunkHead, chunk_head
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.recovery.extract import extract_session
@@ -155,7 +156,7 @@ def test_a_single_file_is_proved_as_far_as_it_goes(folder: SessionFolder) -> Non
 
 def test_what_navigation_lost_is_reported(folder: SessionFolder) -> None:
     make(folder)
-    log = DerivedLog(folder, split_s=300, split_mb=100)
+    log = DerivedLog(folder, LogSettings(split_s=300, split_mb=100))
     log.write_gap(STARTED, "17 frames were overwritten")
     log.close()
     report = proved(folder)
@@ -637,7 +638,7 @@ def test_a_raw_file_of_mode_snapshot_alone_is_not_refuted(folder: SessionFolder,
 def test_a_session_without_its_raw_files_is_not_whole(folder: SessionFolder) -> None:
     """What navigation made again from other files is."""
     for metadata, verdict in (({}, CheckVerdict.LOSS), ({"fti": {"reprocessed": "true"}}, CheckVerdict.OK)):
-        log = DerivedLog(folder, split_s=2, split_mb=100, metadata=metadata)
+        log = DerivedLog(folder, LogSettings(split_s=2, split_mb=100, metadata=metadata))
         log.write_gap(STARTED, "late")
         log.close()
         report = proved(folder)
@@ -647,7 +648,7 @@ def test_a_session_without_its_raw_files_is_not_whole(folder: SessionFolder) -> 
 
 def test_missing_derived_files_are_named_without_raw_ones_too(folder: SessionFolder) -> None:
     for _ in range(3):
-        log = DerivedLog(folder, split_s=2, split_mb=100)
+        log = DerivedLog(folder, LogSettings(split_s=2, split_mb=100))
         log.write_gap(STARTED, "late")
         log.close()
     folder.files("derived")[1].unlink()
