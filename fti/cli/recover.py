@@ -107,7 +107,7 @@ def as_text(report: RecoveryReport) -> Iterator[str]:
     for file in report.files:
         yield from _file_text(file)
     for gap in report.gaps[:MAX_SHOWN]:
-        yield f"numbers {gap.first}-{gap.last} are missing, between {_time(gap.after_ns)} and {_time(gap.before_ns)}"
+        yield f"numbers {gap.first}-{gap.last} are missing, between {_time(gap.first_ns)} and {_time(gap.last_ns)}"
     if len(report.gaps) > MAX_SHOWN:
         yield f"and {len(report.gaps) - MAX_SHOWN} more ranges of numbers; see recovered.json"
     yield _verdict(report)

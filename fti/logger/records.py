@@ -65,6 +65,8 @@ def read_text(data: bytes, at: int) -> tuple[str, int]:
     """String at an offset, and its end.  Raises struct.error or UnicodeDecodeError when it is invalid."""
     (length,) = struct.unpack_from("<I", data, at)
     end = at + 4 + length
+    if end > len(data):
+        raise struct.error("a string is longer than its record")
     return data[at + 4 : end].decode(), end
 
 

@@ -23,9 +23,8 @@ from fti.logger.reading.json_message import parse_json
 from fti.logger.reading.limits import MAX_COLUMNS, check_topic_count
 from fti.logger.reading.mcap_file import McapMessage
 from fti.logger.reading.note_states import NoteStates
-from fti.logger.reading.recording import Recording
+from fti.logger.reading.recording import KINDS, Recording
 from fti.logger.reading.session_metadata import session_metadata
-from fti.logger.statistics.topic_stats import KINDS
 from fti.messages.topics import RAW_PREFIX, SENT_PREFIX
 
 SECOND_NS = 1_000_000_000

@@ -22,11 +22,11 @@ from fti.logger.lock import exclusive_lock
 from fti.logger.packing.restore_layout import restore_original
 from fti.logger.packing.writer import LAYOUT, METADATA, Packer
 from fti.logger.reading.mcap_file import has_footer
-from fti.logger.reading.record_validation import chunk_head, record_end
+from fti.logger.reading.record_cursor import attachment_content, metadata_table
+from fti.logger.reading.record_validation import valid_record, valid_records
 from fti.logger.reading.summary_index import SummaryIndex, read_summary_index
-from fti.logger.reading.tables import metadata_table
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import HEAD, MAGIC, read_text
+from fti.logger.records import MAGIC, Op
 
 Progress = Callable[[int], None]
 
@@ -140,23 +140,17 @@ def _read_original_info(source: TolerantFile) -> _OriginalInfo | None:
     try:
         _, original_info = metadata_table(_record(source, summary.named[METADATA]))
         layout_at = summary.named[LAYOUT]
-        return _OriginalInfo(original_info["sha256"], layout_at, _attachment_content(_record(source, layout_at)))
+        _, layout = attachment_content(_record(source, layout_at))
+        return _OriginalInfo(original_info["sha256"], layout_at, layout)
     except (ValueError, KeyError, struct.error):
         raise RecordingError(f"{source.path}: its data on the original are damaged; see fti recover") from None
 
 
 def _record(source: TolerantFile, at: int) -> bytes:
-    end = record_end(source, at, source.size)
-    if end is None:
+    record = valid_record(source, at, source.size)
+    if record is None:
         raise ValueError(f"the record at byte {at} is damaged")
-    return source.read(at, end - at)
-
-
-def _attachment_content(attachment: bytes) -> bytes:
-    """The content of an attachment record."""
-    _, at = read_text(attachment, HEAD.size + 16)
-    _, at = read_text(attachment, at)
-    return attachment[at + 8 : -4]
+    return source.read(at, record.end - at)
 
 
 def _iter_original(source: TolerantFile, original_info: _OriginalInfo, progress: Progress) -> Iterator[bytes]:
@@ -183,13 +177,9 @@ def _verify_packed(source: TolerantFile, packed: TolerantFile, sha256: str, prog
 
 def _is_completely_readable(packed: TolerantFile, summary: SummaryIndex) -> bool:
     """Do valid records fill the file, and is there a chunk at every offset in the summary?"""
-    at: int | None = len(MAGIC)
-    chunks = set()
-    while at is not None and at < summary.data_end:
-        if chunk_head(packed, at):
-            chunks.add(at)
-        at = record_end(packed, at, summary.data_end)
-    return at == summary.data_end and {chunk.offset for chunk in summary.chunks} <= chunks
+    found = list(valid_records(packed, len(MAGIC), summary.data_end))
+    chunks = {record.at for record in found if record.op == Op.CHUNK}
+    return found[-1].end == summary.data_end and {chunk.offset for chunk in summary.chunks} <= chunks
 
 
 # -------------------------------------------------------------------------------------------------------- unpacking

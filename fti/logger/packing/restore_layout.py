@@ -13,9 +13,8 @@ from enum import IntEnum
 
 from fti.errors import RecordingError
 from fti.logger.reading.compression import compress, decompress
-from fti.logger.reading.record_validation import chunk_head
+from fti.logger.reading.record_cursor import chunk_head, record_at
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import HEAD
 
 _STEP = struct.Struct("<QB")
 _SIZE = struct.Struct("<Q")
@@ -61,9 +60,11 @@ def restore_original(source: TolerantFile, begin: int, end: int, layout: bytes) 
         for data, kind in _steps(layout):
             yield data
             if kind == StepKind.RECORD:
-                record = _record(source, at, end)
-                yield record
-                at += len(record)
+                record = record_at(source, at, end)
+                if record is None:
+                    raise ValueError(f"the record at byte {at} is damaged")
+                yield source.read(at, record.end - at)
+                at = record.end
             elif kind == StepKind.CONTENT:
                 head = chunk_head(source, at)
                 content = head.content(source) if head and head.end <= end else None
@@ -75,14 +76,6 @@ def restore_original(source: TolerantFile, begin: int, end: int, layout: bytes) 
         raise RecordingError(f"{source.path}: cannot be unpacked: {error}") from None
     if at != end:
         raise RecordingError(f"{source.path}: cannot be unpacked: it holds more than its layout states")
-
-
-def _record(source: TolerantFile, at: int, end: int) -> bytes:
-    head = source.read(at, HEAD.size)
-    size = HEAD.size + HEAD.unpack(head)[1]
-    if at + size > end:
-        raise ValueError(f"the record at byte {at} is damaged")
-    return source.read(at, size)
 
 
 def _steps(layout: bytes) -> Iterator[tuple[bytes, int]]:

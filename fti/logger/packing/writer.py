@@ -1,18 +1,22 @@
-"""Writer of a packed file: the records of the original in their order, with compressed chunks, and the layout."""
+"""Writer of a packed file: the records of the original in their order, with compressed chunks, and the layout.
+
+Its summary is that of the original with new offsets.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import BinaryIO
 
 from fti.errors import RecordingError
 from fti.logger import records
-from fti.logger.packing.index import PackIndex, RecordLocation
 from fti.logger.packing.restore_layout import RestoreLayout, StepKind
 from fti.logger.reading.compression import compress
-from fti.logger.reading.record_validation import ChunkHead, chunk_head, record_end
+from fti.logger.reading.record_cursor import ChunkHead, chunk_head, chunk_index_fields, indexed_record, records_in
+from fti.logger.reading.record_validation import valid_record
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, MAGIC, Op
 
@@ -20,6 +24,61 @@ METADATA = "fti.packed"
 LAYOUT = "fti.layout"
 MEDIA_TYPE = "application/octet-stream"
 _VERSION = "1"
+_STATISTICS = struct.Struct("<QHIII")
+_GROUPS = (Op.SCHEMA, Op.CHANNEL, Op.STATISTICS, Op.CHUNK_INDEX, Op.ATTACHMENT_INDEX, Op.METADATA_INDEX)
+
+
+@dataclass(frozen=True, slots=True)
+class _RecordLocation:
+    """Offset of a record in the packed file; for a chunk also its compression and stored bytes."""
+
+    offset: int
+    packed: tuple[str, int] = ("", 0)
+
+
+@dataclass(slots=True)
+class _PackIndex:
+    """The summary under construction.  locations : of each record of the original, by its original offset.
+
+    ``add`` raises KeyError when the original's summary lists a missing record.
+    """
+
+    locations: Mapping[int, _RecordLocation]
+    groups: dict[Op, list[bytes]] = field(default_factory=lambda: {op: [] for op in _GROUPS})
+
+    def add(self, record: bytes) -> None:
+        """Add a record of the original's summary."""
+        op = record[0]
+        if op == Op.CHUNK_INDEX:
+            record = self._chunk(record)
+        elif op in (Op.ATTACHMENT_INDEX, Op.METADATA_INDEX):
+            location = self.locations[indexed_record(record)[0]]
+            record = record[: HEAD.size] + struct.pack("<Q", location.offset) + record[HEAD.size + 8 :]
+        elif op == Op.STATISTICS:
+            record = _with_two_more(record)
+        if op in self.groups:
+            self.groups[Op(op)].append(record)
+
+    def add_new(self, record: bytes) -> None:
+        """Add an index record of a record that the original does not have."""
+        self.groups[Op(record[0])].append(record)
+
+    def _chunk(self, record: bytes) -> bytes:
+        times, offset, size, index_offsets, index_length = chunk_index_fields(record)
+        offsets = {channel_id: self.locations[at].offset for channel_id, at in index_offsets.items()}
+        location = self.locations[offset]
+        return records.chunk_index(times, location.offset, size, offsets, index_length, packed=location.packed)
+
+    def tail(self, offset: int) -> bytes:
+        """Everything after the data section, which ends at ``offset``."""
+        return records.end_of_file(offset, self.groups.items())
+
+
+def _with_two_more(statistics: bytes) -> bytes:
+    """Statistics with one more attachment and one more metadata record."""
+    messages, schemas, channels, attachments, metadata = _STATISTICS.unpack_from(statistics, HEAD.size)
+    head = _STATISTICS.pack(messages, schemas, channels, attachments + 1, metadata + 1)
+    return statistics[: HEAD.size] + head + statistics[HEAD.size + len(head) :]
 
 
 class Packer:
@@ -31,7 +90,7 @@ class Packer:
         self._stream = stream
         self._progress = progress
         self._layout = RestoreLayout()
-        self._locations: dict[int, RecordLocation] = {}
+        self._locations: dict[int, _RecordLocation] = {}
         self._at = 0
         self._sha256 = hashlib.sha256()
 
@@ -62,43 +121,42 @@ class Packer:
 
     def _take(self, at: int, limit: int) -> int:
         """Write one record of the original; returns its end."""
-        head = chunk_head(self._source, at)
-        end = record_end(self._source, at, limit)
-        if end is None:
+        record = valid_record(self._source, at, limit)
+        if record is None:
             raise RecordingError(f"{self._source.path}: is damaged at byte {at}; see fti recover")
+        head = chunk_head(self._source, at)
         if head and not head.compression:
             self._take_chunk(head)
-        elif self._source.read(at, 1)[0] in (Op.PADDING, Op.CHECKPOINTS):
-            self._literal(at, end)
+        elif record.op in (Op.PADDING, Op.CHECKPOINTS):
+            self._literal(at, record.end)
         else:
-            self._take_record(at, end, head)
-        return end
+            self._take_record(at, record.end, head)
+        return record.end
 
     def _take_chunk(self, head: ChunkHead) -> None:
         content = head.content(self._source)
         if content is None:
             raise RecordingError(f"{self._source.path}: the chunk at byte {head.at} is damaged; see fti recover")
-        begin = self._literal(head.at, head.begin)
-        times = struct.unpack_from("<QQ", begin, HEAD.size)
+        self._literal(head.at, head.begin)
         self._sha256.update(content)
         self._layout.end_step(StepKind.CONTENT)
         stored = compress(content)
-        offset = self._write(records.packed_chunk((times[0], times[1]), head.size, head.crc, "zstd", stored))
-        self._locations[head.at] = RecordLocation(offset, ("zstd", len(stored)))
+        offset = self._write(records.packed_chunk(head.times, head.size, head.crc, "zstd", stored))
+        self._locations[head.at] = _RecordLocation(offset, ("zstd", len(stored)))
 
     def _take_record(self, at: int, end: int, head: ChunkHead | None) -> None:
         record = self._source.read(at, end - at)
         self._sha256.update(record)
         self._layout.end_step(StepKind.RECORD)
         packed = (head.compression, head.end - head.begin) if head else ("", 0)
-        self._locations[at] = RecordLocation(self._write(record), packed)
+        self._locations[at] = _RecordLocation(self._write(record), packed)
 
     def _finish(self, tail: bytes) -> None:
         """Write layout, data on the original, and summary; tail : the original from the end of its data on."""
-        index = PackIndex(self._locations)
+        index = _PackIndex(self._locations)
         try:
-            for record in _records_of(tail):
-                index.add(record)
+            for at, end, _ in records_in(tail[: -len(MAGIC)]):
+                index.add(tail[at:end])
         except KeyError:
             raise RecordingError(f"{self._source.path}: its index is damaged; see fti recover") from None
         layout = self._layout.to_bytes()
@@ -109,11 +167,3 @@ class Packer:
         record = records.metadata(METADATA, original_info)
         index.add_new(records.metadata_index(self._write(record), len(record), METADATA))
         self._stream.write(index.tail(self._at))
-
-
-def _records_of(tail: bytes) -> Iterator[bytes]:
-    at = 0
-    while at < len(tail) - len(MAGIC):
-        end = at + HEAD.size + HEAD.unpack_from(tail, at)[1]
-        yield tail[at:end]
-        at = end

@@ -6,13 +6,13 @@ import struct
 from array import array
 from collections.abc import Collection
 
+from fti.logger.reading.record_cursor import head_at, record_id, records_in
 from fti.logger.reading.record_validation import is_channel, is_schema
-from fti.logger.records import HEAD, MESSAGE, MESSAGE_BODY, Op, read_text
+from fti.logger.records import HEAD, Op
 
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
 _SCHEMA = int(Op.SCHEMA)
 _CHANNEL = int(Op.CHANNEL)
-_HEAD = HEAD.size
 NO_TIME = 2**64 - 1
 
 
@@ -48,38 +48,27 @@ class Content:
     @property
     def torn(self) -> bool:
         """Do the valid records end with nothing or with the begin of one more?"""
-        rest = len(self.data) - self.end
-        if rest < _HEAD:
-            return True
-        op, length = HEAD.unpack_from(self.data, self.end)
-        return op in (_SCHEMA, _CHANNEL, _MESSAGE) and length > rest - _HEAD
+        head = head_at(self.data, self.end)
+        rest = len(self.data) - self.end - HEAD.size
+        return head is None or (head[0] in (_SCHEMA, _CHANNEL, _MESSAGE) and head[1] > rest)
 
     def feed(self, data: bytes) -> Content:
         """Add bytes; returns itself."""
         self.data += data
-        at, size, body = self.end, len(self.data), self.data
+        valid_end = self.end
         first, last = self.times
-        while at + _HEAD <= size:
-            op, length = HEAD.unpack_from(body, at)
-            end = at + _HEAD + length
-            if end > size:
-                break
+        for at, end, (op, _, channel, sequence, log_time, _) in records_in(self.data, valid_end):
             if op == _MESSAGE:
-                if length < MESSAGE_BODY:
-                    break
-                _, _, channel, sequence, log_time, _ = MESSAGE.unpack_from(body, at)
-                entries = self.index.get(channel)
+                entries = self.index.get(channel) or self._begin(channel)
                 if entries is None:
-                    entries = self._begin(channel)
-                    if entries is None:
-                        break
+                    break
                 entries.extend((log_time, at))
                 self.numbers[channel].extend((sequence, log_time))
                 first, last = min(first, log_time), max(last, log_time)
-            elif not self._declare(op, bytes(body[at:end])) and not (op >= Op.PADDING and self._known is None):
+            elif not self._declare(op, bytes(self.data[at:end])) and not (op >= Op.PADDING and self._known is None):
                 break
-            self.last, at = at, end
-        self.end = at
+            self.last, valid_end = at, end
+        self.end = valid_end
         self.times = first, last
         return self
 
@@ -95,10 +84,10 @@ class Content:
     def _declare(self, op: int, record: bytes) -> bool:
         """Add a schema or a channel; False when the record is neither."""
         try:
-            (own_id,) = struct.unpack_from("<H", record, _HEAD)
+            own_id, body = record_id(record), record[HEAD.size :]
             if op == _SCHEMA:
-                return is_schema(record[_HEAD:]) and self.schemas.setdefault(own_id, record) == record
-            return op == _CHANNEL and is_channel(record[_HEAD:]) and self.channels.setdefault(own_id, record) == record
+                return is_schema(body) and self.schemas.setdefault(own_id, record) == record
+            return op == _CHANNEL and is_channel(body) and self.channels.setdefault(own_id, record) == record
         except (struct.error, UnicodeDecodeError):
             return False
 
@@ -110,10 +99,3 @@ class Content:
         """Drop the bytes after the valid records; returns itself."""
         del self.data[self.end :]
         return self
-
-
-def channel_name(record: bytes) -> tuple[str, str, int]:
-    """Topic, message encoding and schema of a channel record."""
-    _, schema_id = struct.unpack_from("<HH", record, _HEAD)
-    topic, at = read_text(record, _HEAD + 4)
-    return topic, read_text(record, at)[0], schema_id

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fti.logger.checkpoints import RECORD_BYTES, SLOT_BYTES, SLOTS, Checkpoint, read_slots
-from fti.logger.reading.record_validation import ChunkHead
+from fti.logger.reading.record_cursor import ChunkHead
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, Op
 

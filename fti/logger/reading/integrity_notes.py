@@ -10,8 +10,11 @@ from fti.logger.reading.text_format import clock_text
 
 def list_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
     """Sentences about messages without a checksum, from one metadata table."""
-    if name == RECOVERED_METADATA:
-        yield from _recovery_warnings(table)
+    if name == RECOVERED_METADATA:  # the recovery made the checksums: they do not prove the original data
+        if (unproved := table.get("unproved", "?")) != "0":
+            yield f"was recovered; {unproved} messages had no valid checksum"
+        if table.get("complete") != "true":
+            yield "was recovered from a damaged file"
     elif name == CLOSED_METADATA:
         yield from _unproved_warnings(table)
 
@@ -32,15 +35,6 @@ def has_unverified_end(tables: Mapping[str, Mapping[str, str]]) -> bool:
     """Was the last chunk of a file closed with unproved or missing data?"""
     table = tables.get(CLOSED_METADATA)
     return table is not None and (any(_unproved_warnings(table)) or any(_end_warnings(table)))
-
-
-def _recovery_warnings(table: Mapping[str, str]) -> Iterator[str]:
-    """The recovery made the checksums: they do not prove the original data."""
-    unproved = table.get("unproved", "?")
-    if unproved != "0":
-        yield f"was recovered; {unproved} messages had no valid checksum"
-    if table.get("complete") != "true":
-        yield "was recovered from a damaged file"
 
 
 def _unproved_warnings(table: Mapping[str, str]) -> Iterator[str]:

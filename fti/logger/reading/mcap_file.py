@@ -1,35 +1,37 @@
 """Reader of one MCAP file: finished, being written, cut off or damaged.
 
-The official package parses metadata, attachments, channels and the heads of chunks.  This module parses the messages of
-a chunk (five times as fast), and skips the indexes, which a reader in the order of the file does not need.
+The indexes are skipped, which a reader in the order of the file does not need.
 """
 
 from __future__ import annotations
 
 import os
 import struct
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
-from typing import IO, Any, NamedTuple
-
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata
+from typing import Any, NamedTuple
 
 from fti.errors import MissingError
-from fti.logger.reading.compression import decompress
-from fti.logger.reading.limits import MAX_RECORD, MAX_TIME_NS, DeclaredSizes, LimitError, check_messages
+from fti.logger.reading.limits import MAX_RECORD, MAX_TIME_NS, DeclaredSizes, LimitError
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
-from fti.logger.reading.record_validation import chunk_head, record_end
+from fti.logger.reading.record_cursor import (
+    ChannelFields,
+    ChunkHead,
+    Record,
+    attachment_content,
+    channel_fields,
+    chunk_head,
+    metadata_table,
+    record_at,
+    records_in,
+)
+from fti.logger.reading.record_validation import valid_records
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
 from fti.logger.regular_file import open_regular
 
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
-_STAMPS = struct.Struct("<HIQQ")
 FOOTER_BYTES = 9 + 20 + len(MAGIC)
 #: Messages of a large chunk that are yielded together.
 _MAX_BATCH_MESSAGES = 2**16
@@ -83,46 +85,51 @@ class McapFile:
     def head(self) -> Head:
         """Metadata and attachments before the first chunk."""
         head = Head()
-        for record in self._records():
-            if isinstance(record, Metadata):
-                head.metadata[record.name] = record.metadata
-            elif isinstance(record, Attachment):
-                head.attachments[record.name] = record.data
-            elif isinstance(record, Chunk | Message):
-                break
+        with TolerantFile(self.path, strict=True) as source:
+            for op, content in self._records(source):
+                if op == Op.METADATA:
+                    head.metadata[content[0]] = content[1]
+                elif op == Op.ATTACHMENT:
+                    head.attachments[content[0]] = content[1]
+                elif op in (Op.CHUNK, Op.MESSAGE):
+                    break
         return head
 
     def compression(self) -> str:
         """Compression of the first chunk; "" when it has none, or there is no chunk."""
-        return next((record.compression for record in self._records() if isinstance(record, Chunk)), "")
+        with TolerantFile(self.path, strict=True) as source:
+            return next((head.compression for op, head in self._records(source) if op == Op.CHUNK), "")
 
     def chunks(self) -> Iterator[list[McapMessage]]:
         """The messages by chunk (a large chunk in parts), in the order of the file, up to its end or a fault."""
-        for record in self._records():
-            try:
-                for items in self._take(record):
-                    if items:
-                        yield items
-            except LimitError as error:
-                self.fault = _limit_fault(self._at, error)
-                return
-            except (McapError, ValueError, struct.error) as error:
-                self.fault = f"is damaged after byte {self._at}: {error}"
-                break
-        if self.fault and not self.is_finished():
+        with TolerantFile(self.path, strict=True) as source:
+            for op, content in self._records(source):
+                try:
+                    if op == Op.CHANNEL:
+                        self._declare(content)
+                    elif op in (Op.CHUNK, Op.MESSAGE):  # a message that the head of its chunk does not cover yet
+                        data = content.read(source) if op == Op.CHUNK else content
+                        yield from filter(None, self._walk(data))
+                except (ValueError, struct.error) as error:
+                    self.fault = _fault(self._at, error)
+                    break
+        if self.fault and not self.fault.startswith(_STOPPED) and not self.is_finished():
             yield from self._unfinished()
 
     def _unfinished(self) -> Iterator[list[McapMessage]]:
         """Messages of the last chunk of a file that was cut off, when the checksum in its head does not match."""
         with TolerantFile(self.path) as source:
-            head = chunk_head(source, _chunk_at(source, self._at))
+            at = self._at
+            for record in valid_records(source, at, source.size):
+                if record.op not in (Op.PADDING, Op.CHECKPOINTS):
+                    break
+                at = record.end
+            head = chunk_head(source, at)
             if head is None or not is_open(source, head):
                 return
             try:
-                chunk = read_open_chunk(source, head, Declarations())
-                data = bytes(chunk.content.data)
-                yield from self._walk(data, len(data))
-            except (DamagedChunkError, McapError, ValueError, KeyError, struct.error):
+                yield from self._walk(bytes(read_open_chunk(source, head, Declarations()).content.data))
+            except (DamagedChunkError, ValueError, struct.error):
                 return  # the fault remains
 
     def items(self) -> Iterator[McapMessage]:
@@ -130,51 +137,28 @@ class McapFile:
         for chunk in self.chunks():
             yield from chunk
 
-    def _records(self) -> Iterator[Any]:
-        """The records outside of chunks; sets ``fault`` where they end early."""
-        self.fault = None
-        self._at = 0
-        self._sizes = DeclaredSizes()
+    def _records(self, source: TolerantFile) -> Iterator[tuple[int, Any]]:
+        """Opcode and content of the records outside of chunks; sets ``fault`` where they end early."""
+        self.fault, self._at, self._sizes = None, 0, DeclaredSizes()
         try:
-            with open_regular(self.path) as stream:
-                limit = os.fstat(stream.fileno()).st_size
-                for record in _read_records(stream, limit):
-                    end = stream.tell()
-                    if record:
-                        self._count(record, end - self._at)
-                        yield record
-                    self._at = end
-        except LimitError as error:
-            self.fault = _limit_fault(self._at, error)
-        except (EndOfFile, RecordLengthLimitExceeded, struct.error):
+            for record in _read_records(source):
+                if record.op in _PARSERS:
+                    if record.op == Op.METADATA:
+                        self._sizes.metadata(record.end - record.at)
+                    elif record.op == Op.ATTACHMENT:
+                        self._sizes.attachment(record.end - record.at)
+                    yield record.op, _PARSERS[record.op](source, record)
+                self._at = record.end
+        except EOFError:
             self.fault = f"ends after byte {self._at} without a footer: it is being written, or was cut off"
-        except (McapError, ValueError) as error:
-            self.fault = f"is damaged after byte {self._at}: {error}"
-        except OSError as error:
-            raise MissingError(f"{self.path}: cannot be read: {error.strerror}") from error
+        except (ValueError, struct.error) as error:
+            self.fault = _fault(self._at, error)
 
-    def _count(self, record: Any, size: int) -> None:
-        """Count the size of metadata and attachments.  Raises LimitError."""
-        if isinstance(record, Metadata):
-            self._sizes.metadata(size)
-        elif isinstance(record, Attachment):
-            self._sizes.attachment(size)
-
-    def _take(self, record: Any) -> Iterator[list[McapMessage]]:
-        if isinstance(record, Chunk):
-            yield from self._walk(_content(record), len(record.data))
-        elif isinstance(record, Channel):
-            self._declare(record)
-        elif isinstance(record, Message):  # appended, not yet covered by the head of its chunk
-            _check_times(record.log_time, record.publish_time)
-            topic = self._topic(record.channel_id)
-            yield [McapMessage(topic, record.log_time, record.publish_time, record.sequence, record.data)]
-
-    def _declare(self, channel: Channel) -> None:
+    def _declare(self, channel: ChannelFields) -> None:
         table = channel.metadata
-        texts = len(channel.topic) + len(channel.message_encoding) + sum(len(key) + len(table[key]) for key in table)
-        self._sizes.channel(channel.id, channel.topic, texts)
-        self._topics[channel.id] = McapChannel(channel.topic, channel.message_encoding, table)
+        texts = len(channel.topic) + len(channel.encoding) + sum(len(key) + len(table[key]) for key in table)
+        self._sizes.channel(channel.channel_id, channel.topic, texts)
+        self._topics[channel.channel_id] = McapChannel(channel.topic, channel.encoding, table)
 
     def _topic(self, channel_id: int) -> McapChannel:
         topic = self._topics.get(channel_id)
@@ -182,119 +166,80 @@ class McapFile:
             raise ValueError(f"a message belongs to channel {channel_id}, which is not declared")
         return topic
 
-    def _walk(self, data: bytes, stored: int) -> Iterator[list[McapMessage]]:
-        """The messages in the records of a chunk with ``stored`` bytes in the file."""
+    def _walk(self, data: bytes) -> Iterator[list[McapMessage]]:
+        """The messages in the records of a chunk."""
         items: list[McapMessage] = []
-        yielded = 0
-        at, size, topics = 0, len(data), self._topics
-        while at < size:
-            op, length = HEAD.unpack_from(data, at)
-            end = at + HEAD.size + length
-            if end > size:
-                raise ValueError("a record is longer than its chunk")
+        topics, walked = self._topics, 0
+        for at, end, (op, _, channel_id, sequence, log_time, publish_time) in records_in(data):
             if op == _MESSAGE:
-                channel_id, sequence, log_time, publish_time = _STAMPS.unpack_from(data, at + HEAD.size)
                 if log_time > MAX_TIME_NS or publish_time > MAX_TIME_NS:
-                    _check_times(log_time, publish_time)
-                body = data[at + MESSAGE.size : end]
+                    latest = max(log_time, publish_time)
+                    raise LimitError(f"a message has the time {latest} ns; at most {MAX_TIME_NS} is allowed")
                 topic = topics.get(channel_id) or self._topic(channel_id)
-                items.append(McapMessage(topic, log_time, publish_time, sequence, body))
+                items.append(McapMessage(topic, log_time, publish_time, sequence, data[at + MESSAGE.size : end]))
                 if len(items) == _MAX_BATCH_MESSAGES:
-                    yielded += _MAX_BATCH_MESSAGES
-                    check_messages(yielded, stored)
                     yield items
                     items = []
             elif op == Op.CHANNEL:
-                self._declare(Channel.read(ReadDataStream(BytesIO(data[at + HEAD.size : end]))))
-            at = end
+                self._declare(channel_fields(data[at:end]))
+            walked = end
+        if walked < len(data):
+            raise ValueError("a record is longer than its chunk")
         yield items
 
 
-def _read_records(stream: IO[bytes], size: int) -> Iterator[McapRecord | None]:
-    """The records of a file of this size [B] up to its footer; None for one that is not parsed.
-
-    Raises InvalidMagic, EndOfFile, RecordLengthLimitExceeded, LimitError, ValueError, struct.error.
-    """
-    _check_magic(stream)
-    op = 0
+def _read_records(source: TolerantFile) -> Iterator[Record]:
+    """The records of a file up to its footer.  Raises EOFError at its end, ValueError without magic, LimitError."""
+    op, at = 0, _magic_end(source, 0)
     while op != Op.FOOTER:
-        op, length = HEAD.unpack(_read(stream, HEAD.size))
-        if length > size:
-            raise RecordLengthLimitExceeded(op, length, size)
-        body = _read(stream, length)
-        parse = _PARSERS.get(op)
-        yield parse(ReadDataStream(_Body(body)), length) if parse else None
-    _check_magic(stream)
+        record = record_at(source, at, source.size)
+        if record is None:
+            raise EOFError
+        if record.end - at - HEAD.size > MAX_RECORD:
+            raise LimitError(f"a length of {record.end - at - HEAD.size} bytes; at most {MAX_RECORD} are read at once")
+        yield record
+        op, _, at = record
+    _magic_end(source, at)
 
 
-def _check_magic(stream: IO[bytes]) -> None:
-    if (magic := _read(stream, len(MAGIC))) != MAGIC:
-        raise InvalidMagic(tuple(magic))
+def _magic_end(source: TolerantFile, at: int) -> int:
+    magic = source.read(at, len(MAGIC))
+    if len(magic) < len(MAGIC):
+        raise EOFError
+    if magic != MAGIC:
+        raise ValueError("it does not have the magic of an MCAP file")
+    return at + len(MAGIC)
 
 
-class _Body(BytesIO):
-    """The body of a record, from which no more can be read than it has."""
-
-    def read(self, length: int | None = -1) -> bytes:
-        """Read exactly so many bytes.  Raises LimitError, ValueError."""
-        _check_length(length or 0)
-        data = super().read(length)
-        if len(data) < (length or 0):
-            raise ValueError("a field is longer than its record")
-        return data
+def _parse_chunk(source: TolerantFile, record: Record) -> ChunkHead:
+    head = chunk_head(source, record.at)
+    if head is None:
+        raise ValueError("the head of a chunk is invalid, or its compression is not supported")
+    return head
 
 
-def _check_length(length: int) -> None:
-    """Check a length that a file states, before so much is read.  Raises LimitError."""
-    if length > MAX_RECORD:
-        raise LimitError(f"a length of {length} bytes; at most {MAX_RECORD} are read at once")
-
-
-def _read(stream: IO[bytes], length: int) -> bytes:
-    """Read exactly so many bytes.  Raises EndOfFile, LimitError."""
-    _check_length(length)
-    data = stream.read(length)
-    if len(data) < length:
-        raise EndOfFile
-    return data
+def _read_record(source: TolerantFile, record: Record) -> bytes:
+    return source.read(record.at, record.end - record.at)
 
 
 #: Opcode -> parser of the records that a reader needs.
-_PARSERS: dict[int, Callable[[ReadDataStream, int], McapRecord]] = {
-    Op.ATTACHMENT: lambda stream, _: Attachment.read(stream),
-    Op.CHANNEL: lambda stream, _: Channel.read(stream),
-    Op.CHUNK: lambda stream, _: Chunk.read(stream),
-    Op.MESSAGE: Message.read,
-    Op.METADATA: lambda stream, _: Metadata.read(stream),
+_PARSERS: dict[int, Callable[[TolerantFile, Record], Any]] = {
+    Op.ATTACHMENT: lambda source, record: attachment_content(_read_record(source, record)),
+    Op.CHANNEL: lambda source, record: channel_fields(_read_record(source, record)),
+    Op.CHUNK: _parse_chunk,
+    Op.MESSAGE: _read_record,
+    Op.METADATA: lambda source, record: metadata_table(_read_record(source, record)),
 }
+_STOPPED = "reading stops"
 
 
-def _limit_fault(at: int, error: LimitError) -> str:
-    """The fault of a file that exceeds a limit."""
-    return f"reading stops after byte {at}: {error}"
-
-
-def _check_times(*times: int) -> None:
-    if max(times) > MAX_TIME_NS:
-        raise LimitError(f"a message has the time {max(times)} ns; at most {MAX_TIME_NS} is allowed")
-
-
-def _content(chunk: Chunk) -> bytes:
-    """The records of a chunk.  Raises ValueError when they are damaged."""
-    content = decompress(chunk.compression, chunk.data, chunk.uncompressed_size)
-    if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
-        raise ValueError("the checksum of a chunk does not match")
-    return content
-
-
-def _chunk_at(source: TolerantFile, at: int) -> int:
-    """Offset of the next record that is neither padding nor checkpoints."""
-    while source.read(at, 1) in (bytes([Op.PADDING]), bytes([Op.CHECKPOINTS])):
-        end = record_end(source, at, source.size)
-        if end is None:
-            break
-        at = end
-    return at
+def _fault(at: int, error: Exception) -> str:
+    """The fault of a file that is damaged or exceeds a limit."""
+    return (
+        f"{_STOPPED} after byte {at}: {error}"
+        if isinstance(error, LimitError)
+        else f"is damaged after byte {at}: {error}"
+    )
 
 
 def has_footer(path: Path) -> bool:

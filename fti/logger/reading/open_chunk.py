@@ -9,19 +9,18 @@ unproved one, damage before the last sync, invalid records in the proved part.
 
 from __future__ import annotations
 
-import struct
 import zlib
-from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 from fti.logger.checkpoints import ChunkSegment, segments
 from fti.logger.reading.chunk_content import NO_TIME, Content
 from fti.logger.reading.chunk_marks import ChunkMarks, chunk_marks
 from fti.logger.reading.limits import MAX_RECORD
-from fti.logger.reading.record_validation import ChunkHead
+from fti.logger.reading.record_cursor import ChunkHead, channel_fields
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import HEAD, Op
+from fti.logger.records import Op
 
 #: Largest time span of the unproved records after one sync period [ns].
 MAX_UNPROVED_NS = 30 * 10**9
@@ -50,11 +49,9 @@ class Declarations:
     def suffice(self, content: Content) -> bool:
         """Do they agree, and is the schema of each channel known?"""
         schemas = {**self.schemas, **content.schemas}
-        return self.agree(content) and all(_schema_id(r) in (0, *schemas) for r in content.channels.values())
-
-
-def _schema_id(channel: bytes) -> int:
-    return int(struct.unpack_from("<H", channel, HEAD.size + 2)[0])
+        return self.agree(content) and all(
+            channel_fields(record).schema_id in (0, *schemas) for record in content.channels.values()
+        )
 
 
 def is_open(source: TolerantFile, head: ChunkHead) -> bool:
@@ -167,13 +164,9 @@ def _take_unproved(found: OpenChunk, data: bytes, known: Declarations) -> None:
         found.content = _content(bytes(content.data[:proved]), known)
         return
     content.trim()
-    times = [at_ns for entries in content.index.values() for at_ns in _times_from(entries, proved)]
+    pairs = (zip(entries[::2], entries[1::2], strict=True) for entries in content.index.values())
+    times = [at_ns for at_ns, at in chain.from_iterable(pairs) if at >= proved]
     found.unproved = content.messages - messages
     found.unproved_ns = min(times, default=None)
     if messages and times and max(times) - proved_ns > MAX_UNPROVED_NS:
         raise DamagedChunkError(f"its records from {proved} bytes behind its head on span more than one sync period")
-
-
-def _times_from(entries: array[int], proved: int) -> list[int]:
-    """Log times of the messages from an offset on; entries : log time and offset, in turn."""
-    return [at_ns for at_ns, at in zip(entries[::2], entries[1::2], strict=True) if at >= proved]

@@ -10,87 +10,17 @@ import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 from fti.logger.checkpoints import SLOT_BYTES, SLOTS
-from fti.logger.reading.compression import decompress
-from fti.logger.reading.limits import (
-    MAX_ATTACHMENTS,
-    MAX_CHUNK_MESSAGES,
-    MAX_RECORD,
-    MAX_SMALL_RECORD,
-    LimitError,
-    check_messages,
-)
+from fti.logger.reading.limits import MAX_ATTACHMENTS, MAX_SMALL_RECORD
+from fti.logger.reading.record_cursor import ChunkHead, Record, chunk_head, record_at
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, MESSAGE_BODY, SECTOR, Op, read_text
+from fti.logger.records import HEAD, MESSAGE_BODY, SECTOR, Op, read_text
 
 _CHUNK_BEGIN = re.compile(rb"\x06(?=[\s\S]{5}\x00\x00\x00)")  # shorter than 2^40 bytes
 _LONG = (Op.ATTACHMENT, Op.MESSAGE_INDEX)
-_CHUNK_HEAD = struct.Struct("<BQQQQII")  # a chunk up to the name of its compression
-COMPRESSIONS = (b"", b"zstd", b"lz4")
 #: Largest torn write outside of chunks, except attachments and message indexes [B].
 MAX_TORN_BYTES = 4096
-
-
-@dataclass(frozen=True, slots=True)
-class ChunkHead:
-    """Head of a chunk.  begin, end : of its stored bytes in the file; size : of its records, unpacked [B]."""
-
-    at: int
-    begin: int
-    end: int
-    size: int
-    crc: int
-    compression: str
-
-    def content(self, source: TolerantFile) -> bytes | None:
-        """The unpacked, checked records; None when they are damaged or exceed a limit."""
-        try:
-            return self.read(source)
-        except ValueError:
-            return None
-
-    def read(self, source: TolerantFile) -> bytes:
-        """The unpacked, checked records.  Raises ValueError when they are damaged, LimitError beyond a limit."""
-        stored = self.end - self.begin
-        if self.end > source.size:
-            raise ValueError("a chunk ends behind its file")
-        if stored > MAX_RECORD:
-            raise LimitError(f"a chunk of {stored} bytes; at most {MAX_RECORD} are read")
-        content = decompress(self.compression, source.read(self.begin, stored), self.size)
-        if self.crc not in (0, zlib.crc32(content)):
-            raise ValueError("the checksum of a chunk does not match")
-        check_content(content, stored)
-        return content
-
-
-def check_content(content: bytes, stored: int) -> None:
-    """Check the number of messages of a chunk with ``stored`` bytes in the file.  Raises LimitError."""
-    if len(content) // MESSAGE.size <= MAX_CHUNK_MESSAGES:
-        return
-    messages = at = 0
-    while at + HEAD.size <= len(content):
-        op, length = HEAD.unpack_from(content, at)
-        messages += op == Op.MESSAGE
-        at += HEAD.size + length
-    check_messages(messages, stored)
-
-
-def chunk_head(source: TolerantFile, at: int) -> ChunkHead | None:
-    """Head of the chunk at an offset; None when its lengths disagree.  Its end may be after the end of the file."""
-    head = source.read(at, CHUNK.size + 4)
-    if len(head) < CHUNK.size:
-        return None
-    op, length, _, _, size, crc, name_length = _CHUNK_HEAD.unpack_from(head)
-    name = head[_CHUNK_HEAD.size : _CHUNK_HEAD.size + name_length]
-    if op != Op.CHUNK or name not in COMPRESSIONS or len(head) < CHUNK.size + len(name) or name_length != len(name):
-        return None
-    (stored,) = struct.unpack_from("<Q", head, _CHUNK_HEAD.size + name_length)
-    if length != CHUNK_BODY + name_length + stored or (not name and stored != size):
-        return None
-    begin = at + CHUNK.size + name_length
-    return ChunkHead(at, begin, begin + stored, size, crc, name.decode())
 
 
 def is_torn_write(source: TolerantFile, at: int) -> bool:
@@ -103,8 +33,7 @@ def is_torn_write(source: TolerantFile, at: int) -> bool:
         return False
     if len(rest) <= MAX_TORN_BYTES:
         return True
-    op, length = HEAD.unpack_from(rest)
-    return op in _LONG and at + HEAD.size + length > source.size
+    return rest[0] in _LONG and record_at(source, at, source.size) is None
 
 
 def is_followed_by_chunk(source: TolerantFile, at: int) -> bool:
@@ -118,20 +47,26 @@ def _chunks_after(source: TolerantFile, at: int) -> Iterator[ChunkHead]:
     yield from (head for head in heads if head)
 
 
-def record_end(source: TolerantFile, at: int, limit: int) -> int | None:
-    """End of the record at an offset; None when it is invalid or ends after ``limit``."""
-    head = source.read(at, HEAD.size)
-    if len(head) < HEAD.size:
+def valid_record(source: TolerantFile, at: int, limit: int) -> Record | None:
+    """The record at an offset; None when it is invalid or ends after ``limit``."""
+    record = record_at(source, at, limit)
+    if record is None:
         return None
-    op, length = HEAD.unpack(head)
-    end: int = at + HEAD.size + length
-    if end > limit:
-        return None
+    op, length = record.op, record.end - at - HEAD.size
     if op == Op.CHUNK:
-        return end if chunk_head(source, at) else None
-    if op in _LENGTHS:
-        return end if length == _LENGTHS[op] else None
-    return end if _has_form(source, op, at + HEAD.size, length) else None
+        is_valid = chunk_head(source, at) is not None
+    elif op in _LENGTHS:
+        is_valid = length == _LENGTHS[op]
+    else:
+        is_valid = _has_form(source, op, at + HEAD.size, length)
+    return record if is_valid else None
+
+
+def valid_records(source: TolerantFile, at: int, limit: int) -> Iterator[Record]:
+    """Consecutive records from an offset on, up to the first that is invalid or ends after ``limit``."""
+    while record := valid_record(source, at, limit):
+        yield record
+        at = record.end
 
 
 def _has_form(source: TolerantFile, op: int, at: int, length: int) -> bool:
@@ -149,8 +84,6 @@ def _has_form(source: TolerantFile, op: int, at: int, length: int) -> bool:
 def _texts_end(body: bytes, at: int, count: int = 1) -> int:
     for _ in range(count):
         _, at = read_text(body, at)
-        if at > len(body):
-            raise struct.error("a string is longer than its record")
     return at
 
 
@@ -185,7 +118,7 @@ def is_channel(body: bytes) -> bool:
 
 def _is_chunk_index(body: bytes) -> bool:
     at = 36 + _u32(body, 32) + 8
-    return _texts_end(body, at) + 16 == len(body)
+    return _u32(body, 32) % 10 == 0 and _texts_end(body, at) + 16 == len(body)
 
 
 def _begins_attachment(begin: bytes, length: int) -> bool:

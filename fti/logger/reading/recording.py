@@ -289,11 +289,6 @@ def _find_files(path: Path) -> Iterator[list[Path]]:
     if path.is_dir():
         folder = SessionFolder(path)
         return iter([folder.files(kind) for kind in KINDS])
-    own_kind = _kind_of(path)
-    return ([path] if own_kind == kind else [] for kind in KINDS)
-
-
-def _kind_of(path: Path) -> Kind:
-    """Kind of a single file, from its metadata or else from its name."""
     stated = McapFile(path).head().metadata.get(FILE_METADATA, {}).get("kind")
-    return next((kind for kind in KINDS if kind == stated), name_parts(path)[0])
+    own_kind = next((kind for kind in KINDS if kind == stated), name_parts(path)[0])
+    return ([path] if own_kind == kind else [] for kind in KINDS)

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-import struct
 import zlib
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from fti.logger.reading.mcap_file import FOOTER_BYTES
-from fti.logger.reading.record_validation import record_end
+from fti.logger.reading.record_cursor import (
+    chunk_index_fields,
+    footer_fields,
+    indexed_record,
+    message_count,
+    record_id,
+)
+from fti.logger.reading.record_validation import valid_records
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import HEAD, MAGIC, Op, read_text
+from fti.logger.records import HEAD, MAGIC, Op
 
 _DATA_END = HEAD.pack(Op.DATA_END, 4)
 _DATA_END_SIZE = HEAD.size + 4
@@ -50,7 +56,7 @@ def read_summary_index(source: TolerantFile) -> SummaryIndex | None:
     foot = source.read(foot_at, FOOTER_BYTES) if foot_at >= 0 else b""
     if foot[: HEAD.size] != HEAD.pack(Op.FOOTER, 20) or not foot.endswith(MAGIC):
         return None
-    start, _, crc = struct.unpack_from("<QQI", foot, HEAD.size)
+    start, crc = footer_fields(foot)
     searched_at = max(0, source.size - _MAX_SEARCH_BYTES)
     block = source.read(searched_at, source.size - searched_at)
     at = len(block) - FOOTER_BYTES
@@ -65,58 +71,21 @@ def read_summary_index(source: TolerantFile) -> SummaryIndex | None:
     return None
 
 
-def _parse(source: TolerantFile, summary: SummaryIndex, at: int, end: int) -> SummaryIndex | None:
-    while at < end:
-        following = record_end(source, at, end)
-        if following is None:
-            return None
-        op, length = HEAD.unpack(source.read(at, HEAD.size))
-        if op in _PARTS:
-            _PARTS[op](summary, source.read(at, HEAD.size + length))
-        at = following
-    return summary
-
-
-def _schema(summary: SummaryIndex, record: bytes) -> None:
-    summary.schemas[_first_u16(record)] = record
-
-
-def _channel(summary: SummaryIndex, record: bytes) -> None:
-    summary.channels[_first_u16(record)] = record
-
-
-def _statistics(summary: SummaryIndex, record: bytes) -> None:
-    (summary.messages,) = struct.unpack_from("<Q", record, HEAD.size)
-
-
-def _chunk(summary: SummaryIndex, record: bytes) -> None:
-    first, last, offset = struct.unpack_from("<QQQ", record, HEAD.size)
-    summary.chunks.append(ChunkLocation(offset, first, last))
-
-
-def _attachment(summary: SummaryIndex, record: bytes) -> None:
-    _other(summary, record, HEAD.size + 40)
-
-
-def _metadata(summary: SummaryIndex, record: bytes) -> None:
-    _other(summary, record, HEAD.size + 16)
-
-
-def _other(summary: SummaryIndex, record: bytes, name_at: int) -> None:
-    (offset,) = struct.unpack_from("<Q", record, HEAD.size)
-    summary.others.append(offset)
-    summary.named[read_text(record, name_at)[0]] = offset
-
-
-def _first_u16(record: bytes) -> int:
-    return int(struct.unpack_from("<H", record, HEAD.size)[0])
-
-
-_PARTS = {
-    int(Op.SCHEMA): _schema,
-    int(Op.CHANNEL): _channel,
-    int(Op.STATISTICS): _statistics,
-    int(Op.CHUNK_INDEX): _chunk,
-    int(Op.ATTACHMENT_INDEX): _attachment,
-    int(Op.METADATA_INDEX): _metadata,
-}
+def _parse(source: TolerantFile, summary: SummaryIndex, begin: int, end: int) -> SummaryIndex | None:
+    parsed = begin
+    for op, at, parsed in valid_records(source, begin, end):
+        record = source.read(at, parsed - at)
+        if op == Op.SCHEMA:
+            summary.schemas[record_id(record)] = record
+        elif op == Op.CHANNEL:
+            summary.channels[record_id(record)] = record
+        elif op == Op.STATISTICS:
+            summary.messages = message_count(record)
+        elif op == Op.CHUNK_INDEX:
+            fields = chunk_index_fields(record)
+            summary.chunks.append(ChunkLocation(fields.offset, *fields.times))
+        elif op in (Op.ATTACHMENT_INDEX, Op.METADATA_INDEX):
+            offset, name = indexed_record(record)
+            summary.others.append(offset)
+            summary.named[name] = offset
+    return summary if parsed == end else None

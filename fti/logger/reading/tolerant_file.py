@@ -17,13 +17,15 @@ class TolerantFile:
     """A file, or a part of it, by position.  Unreadable bytes are zeros, counted in ``unreadable``.
 
     begin, end : the part [B]; position 0 is its begin; end None : to the end of the file
+    strict     : raise MissingError at unreadable bytes
     Raises MissingError when the file cannot be opened.
     """
 
-    def __init__(self, path: Path, begin: int = 0, end: int | None = None) -> None:
+    def __init__(self, path: Path, begin: int = 0, end: int | None = None, *, strict: bool = False) -> None:
         self.path = path
         self.unreadable = 0
         self._begin = begin
+        self._is_strict = strict
         try:
             self._fd = open_descriptor(path)
         except OSError as error:
@@ -53,7 +55,9 @@ class TolerantFile:
         """One read; zeros for unreadable bytes, so that the caller can continue."""
         try:
             return os.pread(self._fd, size, self._begin + at) or bytes(size)
-        except OSError:
+        except OSError as error:
+            if self._is_strict:
+                raise MissingError(f"{self.path}: cannot be read: {error.strerror}") from error
             if size > SECTOR:
                 return self._piece(at, SECTOR - at % SECTOR)
             self.unreadable += size

@@ -1,4 +1,4 @@
-"""Splitting of a chunk with a wrong checksum at its checkpoints."""
+"""The pieces of a file that may be damaged, and how a chunk with a wrong checksum is split at its checkpoints."""
 
 from __future__ import annotations
 
@@ -8,14 +8,48 @@ from dataclasses import dataclass
 from fti.logger.checkpoints import Checkpoint, ChunkSegment, segments
 from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.chunk_marks import chunk_marks
-from fti.logger.reading.record_validation import ChunkHead
+from fti.logger.reading.record_cursor import ChunkHead
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import CHUNK, HEAD
 from fti.logger.recovery.flipped_bit import correct_bit
-from fti.logger.recovery.pieces import LostBytes, Messages, Piece
 
 #: Offset of the checksum in a chunk.
 CRC_AT = HEAD.size + 24
+
+
+@dataclass(frozen=True, slots=True)
+class Messages:
+    """Records of a chunk, or outside of chunks (head is None).
+
+    proved : their checksum matches; flipped : the byte of the file with a corrected bit
+    """
+
+    begin: int
+    end: int
+    content: Content
+    proved: bool
+    head: ChunkHead | None = None
+    flipped: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OtherRecord:
+    """A valid record without messages."""
+
+    begin: int
+    end: int
+    op: int
+
+
+@dataclass(frozen=True, slots=True)
+class LostBytes:
+    """Bytes that are lost."""
+
+    begin: int
+    end: int
+
+
+Piece = Messages | OtherRecord | LostBytes
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from fti.logger.reading.record_validation import record_end
+from fti.logger.reading.record_validation import valid_records
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import MAGIC, Op
 
@@ -37,15 +37,11 @@ def _begins(source: TolerantFile, at: int) -> bool:
 
 def _end_of_file(source: TolerantFile, begin: int) -> tuple[int, bool]:
     """End of a file and True; for a damaged or unfinished file the end of its valid records and False."""
-    at = begin + len(MAGIC)
-    while at < source.size:
-        op, end = source.read(at, 1)[0], record_end(source, at, source.size)
-        if end is None:
-            break
+    end = begin + len(MAGIC)
+    for op, _, end in valid_records(source, begin + len(MAGIC), source.size):
         if op == Op.FOOTER and source.read(end, len(MAGIC)) == MAGIC:
             return end + len(MAGIC), True
-        at = end
-    return at, False
+    return end, False
 
 
 def _next_begin(source: TolerantFile, at: int) -> int | None:

@@ -19,16 +19,24 @@ import re
 from collections.abc import Callable, Collection, Iterator
 
 from fti.errors import RecordingError
-from fti.logger.reading.chunk_content import Content, channel_name
+from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.chunk_marks import chunk_marks
 from fti.logger.reading.limits import MAX_RECORD, DeclaredSizes, LimitError
 from fti.logger.reading.open_chunk import Declarations, is_open
-from fti.logger.reading.record_validation import ChunkHead, chunk_head, record_end
+from fti.logger.reading.record_cursor import ChunkHead, channel_fields, chunk_head, record_at
+from fti.logger.reading.record_validation import valid_record, valid_records
 from fti.logger.reading.summary_index import SummaryIndex
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, MAGIC, Op
-from fti.logger.recovery.chunk_segments import ChunkData, headless_chunk, split
-from fti.logger.recovery.pieces import LostBytes, Messages, OtherRecord, Piece
+from fti.logger.recovery.chunk_segments import (
+    ChunkData,
+    LostBytes,
+    Messages,
+    OtherRecord,
+    Piece,
+    headless_chunk,
+    split,
+)
 
 BLOCK_BYTES = 4 * 2**20
 #: Begin of a chunk, an attachment, metadata or the end of the data, shorter than 2^40 bytes.
@@ -83,7 +91,7 @@ class Walk:
         """Add schemas and channels.  Raises RecordingError beyond the limits."""
         try:
             for channel_id, record in content.channels.items():
-                self._sizes.channel(channel_id, channel_name(record)[0], len(record))
+                self._sizes.channel(channel_id, channel_fields(record).topic, len(record))
             for schema_id, record in content.schemas.items():
                 self._sizes.schema(schema_id, len(record))
         except LimitError as error:
@@ -97,10 +105,10 @@ class Walk:
         head = chunk_head(self._source, at)
         if head:
             return self._take_chunk(self._chunk(head)) or self._damaged_chunk(head)
-        end = record_end(self._source, at, self._limit)
-        if end is None:
+        record = valid_record(self._source, at, self._limit)
+        if record is None:
             return self._take_chunk(self._headless_chunk(at)) or self._private_record(at)
-        op = self._source.read(at, 1)[0]
+        op, _, end = record
         if op in _BARE and (self._allows_bare_messages or (at == self._chunk_end and not self._summary_index)):
             return self._bare_messages(at)
         if op == Op.FOOTER:
@@ -122,18 +130,16 @@ class Walk:
 
     def _private_record(self, at: int) -> LostBytes | None:
         """A private record of an application, followed by a valid record."""
-        head = self._source.read(at, HEAD.size)
-        if len(head) < HEAD.size or head[0] < Op.PADDING:
-            return None
-        end = at + HEAD.unpack(head)[1] + HEAD.size
-        return LostBytes(at, end) if end <= self._limit and self._is_sound(end) else None
+        record = record_at(self._source, at, self._limit)
+        is_private = record is not None and record.op >= Op.PADDING and self._is_sound(record.end)
+        return LostBytes(at, record.end) if record and is_private else None
 
     def _is_sound(self, at: int) -> bool:
         """Does a valid record begin here, or is here the end?  Messages must be in chunks."""
         if at == self._limit:
             return True
-        ends = record_end(self._source, at, self._limit) is not None
-        return ends and (self._allows_bare_messages or self._source.read(at, 1)[0] != Op.MESSAGE)
+        record = valid_record(self._source, at, self._limit)
+        return record is not None and (self._allows_bare_messages or record.op != Op.MESSAGE)
 
     def _chunk(self, head: ChunkHead) -> list[Piece]:
         """The pieces of a chunk; empty when nothing of it is readable."""
@@ -144,11 +150,13 @@ class Walk:
             content = Content(None).feed(stored)
             found: list[Piece] = [Messages(head.at, head.end, content, True, head)] if content.whole else []
         elif head.compression:
-            found = _as_list(self._unproved_packed(head, stored))
+            content = Content(self.declared.channels).feed(stored or b"")
+            found = [Messages(head.at, head.end, content, False, head)] if stored is not None and content.whole else []
         elif head.crc and not (self._summary_index and head.end > self._limit):
             found = self._split(head)
         else:
-            found = _as_list(self._unproved(head, stored))
+            unproved = self._unproved(head, stored)
+            found = [unproved] if unproved else []
         agree = all(self.declared.agree(piece.content) for piece in found if isinstance(piece, Messages))
         self._last_chunk = head, found if agree else []
         return self._last_chunk[1]
@@ -172,12 +180,6 @@ class Walk:
         if not any(isinstance(piece, Messages) and piece.proved for piece in pieces):
             return []
         return [LostBytes(at, head.begin), *pieces]
-
-    def _unproved_packed(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
-        if stored is None:
-            return None
-        content = Content(self.declared.channels).feed(stored)
-        return Messages(head.at, head.end, content, False, head) if content.whole else None
 
     def _unproved(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
         """A chunk without a checksum, which may be longer than its head states."""
@@ -209,8 +211,8 @@ class Walk:
     def _bare_messages(self, at: int) -> Messages | None:
         """Messages outside of chunks, as many as a block holds."""
         content = Content(self.declared.channels).feed(self._source.read(at, min(BLOCK_BYTES, self._limit - at)))
-        if not content.end and (end := record_end(self._source, at, self._limit)):
-            content = Content(self.declared.channels).feed(self._source.read(at, end - at))
+        if not content.end and (record := valid_record(self._source, at, self._limit)):
+            content = Content(self.declared.channels).feed(self._source.read(at, record.end - at))
         if content.torn and content.end:
             return Messages(at, at + content.end, content.trim(), False)
         return self._as_messages(None, content, at)
@@ -262,11 +264,11 @@ class Walk:
         head = chunk_head(self._source, at)
         if head:
             return any(self._is_proof(piece, head) for piece in self._chunk(head))
-        end = record_end(self._source, at, self._limit)
-        if end is None:
+        record = valid_record(self._source, at, self._limit)
+        if record is None:
             return False
-        op = self._source.read(at, 1)[0]
-        return op == Op.ATTACHMENT or (op in (Op.METADATA, Op.DATA_END) and self._is_sound(end))
+        is_checked = record.op in (Op.METADATA, Op.DATA_END) and self._is_sound(record.end)
+        return record.op == Op.ATTACHMENT or is_checked
 
     def _is_proof(self, piece: Piece, head: ChunkHead) -> bool:
         """Does this piece prove a chunk?  A chunk with checksum 0 is proved by its form."""
@@ -276,14 +278,8 @@ class Walk:
 
     def _leads_to(self, at: int, end: int) -> bool:
         """Do consecutive valid records lead exactly from one offset to another?"""
-        following: int | None = at
-        while following is not None and following < end:
-            following = record_end(self._source, following, self._limit)
-        return following is not None
-
-
-def _as_list(piece: Piece | None) -> list[Piece]:
-    return [piece] if piece else []
+        ends = (record.end for record in valid_records(self._source, at, self._limit))
+        return at >= end or any(reached >= end for reached in ends)
 
 
 def unknown_channels(content: Content, declared: Collection[int]) -> list[int]:

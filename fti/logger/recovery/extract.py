@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import struct
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -17,22 +17,23 @@ from fti.logger.log_layout import CLOSED_METADATA, RECOVERED_METADATA, altered_t
 from fti.logger.metadata_checksum import with_own_checksum
 from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.integrity_notes import list_end_warnings, list_warnings
-from fti.logger.reading.record_validation import record_end
+from fti.logger.reading.json_message import parse_table
+from fti.logger.reading.record_cursor import channel_fields, metadata_table, records_in
+from fti.logger.reading.record_validation import valid_record
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.session_locator import check_session_path
 from fti.logger.reading.summary_index import read_summary_index
-from fti.logger.reading.tables import metadata_table
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import HEAD, MAGIC, Op, read_text
+from fti.logger.records import HEAD, MAGIC, MESSAGE, Op, read_text
+from fti.logger.recovery.chunk_segments import LostBytes, Messages, OtherRecord
 from fti.logger.recovery.concatenated_files import file_begins
 from fti.logger.recovery.damage_scan import Walk, unknown_channels
-from fti.logger.recovery.final_ledger import FinalLedger
-from fti.logger.recovery.pieces import LostBytes, Messages, OtherRecord
 from fti.logger.recovery.recovered_sequence import RecoveredSequence
 from fti.logger.recovery.recovered_writer import RecoveredWriter
 from fti.logger.recovery.report import Damage, FileReport, RecoveryReport
 from fti.logger.regular_file import mcap_files
 from fti.logger.session import name_parts
+from fti.messages.topics import LEDGER_TOPIC
 
 REPORT = "recovered.json"
 Progress = Callable[[int], None]
@@ -150,10 +151,10 @@ def _head(source: TolerantFile) -> bytes:
     """Magic and header, with the profile of the input, or our own if the input ends within them."""
     if records.file_head().startswith(source.read(0, source.size)):
         return records.file_head()
-    end = record_end(source, len(MAGIC), source.size)
-    body = source.read(len(MAGIC), end - len(MAGIC)) if end else b""
-    profile = read_text(body, HEAD.size)[0] if body[:1] == bytes([Op.HEADER]) else ""
-    return records.file_head(profile)
+    header = valid_record(source, len(MAGIC), source.size)
+    if header is None or header.op != Op.HEADER:
+        return records.file_head("")
+    return records.file_head(read_text(source.read(header.at, header.end - header.at), HEAD.size)[0])
 
 
 class _Extraction:
@@ -177,7 +178,7 @@ class _Extraction:
         self._taken_offsets: set[int] = set()  # offsets of the copied chunks, attachments and metadata
         self._last_ns: int | None = None
         self._tables: dict[str, dict[str, str]] = {}
-        self._ledger = FinalLedger()
+        self._has_final_ledger = False
 
     def run(self) -> FileReport:
         """Copy every piece."""
@@ -192,7 +193,7 @@ class _Extraction:
         self._report.altered_metadata = altered_tables(self._tables)
         for name, table in self._tables.items():
             self._report.warnings += [*list_warnings(name, table), *list_end_warnings(name, table)]
-        if CLOSED_METADATA in self._tables and not self._ledger.is_there:
+        if CLOSED_METADATA in self._tables and not self._has_final_ledger:
             self._report.warnings.append("was closed later and has no final ledger: not proved complete")
         recovered_table = with_own_checksum(RECOVERED_METADATA, self._summary())
         self._writer.metadata(records.metadata(RECOVERED_METADATA, recovered_table))
@@ -215,7 +216,7 @@ class _Extraction:
             compression = piece.head.compression
         self._writer.chunk(content, compression, stored)
         self._numbers.add(content, self._writer.channels)
-        self._ledger.add(content, self._writer.channels)
+        self._note_ledger(content)
         report.messages += content.messages
         report.chunks += piece.proved
         if not piece.proved:
@@ -232,7 +233,7 @@ class _Extraction:
         channel = self._walk.declared.channels.get(channel_id) or summary_channels.get(channel_id)
         if channel is None:
             channel = records.channel(channel_id, f"/recovered/channel_{channel_id}", "", 0, {})
-        (schema_id,) = struct.unpack_from("<H", channel, HEAD.size + 2)
+        schema_id = channel_fields(channel).schema_id
         schema = self._walk.declared.schemas.get(schema_id) or summary_schemas.get(schema_id)
         self._writer.declare(channel_id, channel, schema)
 
@@ -247,6 +248,17 @@ class _Extraction:
             self._writer.metadata(record)
             self._report.metadata += 1
         self._taken_offsets.add(piece.begin)
+
+    def _note_ledger(self, content: Content) -> None:
+        """Is the last ledger so far the final one of its recorder?"""
+        for channel_id, entries in content.index.items():
+            record = self._writer.channels.get(channel_id)
+            if record and channel_fields(record).topic == LEDGER_TOPIC:
+                _, end, _ = next(records_in(content.data, entries[-1]))
+                self._has_final_ledger = False
+                with suppress(ValueError):
+                    table = parse_table(bytes(content.data[entries[-1] + MESSAGE.size : end]))
+                    self._has_final_ledger = table.get("final") is True
 
     def _note_times(self, times: tuple[int, int]) -> None:
         for damage in reversed(self._report.damages):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +12,7 @@ from fti.errors import StorageError
 from fti.logger import records
 from fti.logger.file_mode import create_file
 from fti.logger.reading.chunk_content import Content
-from fti.logger.records import HEAD, read_text
+from fti.logger.reading.record_cursor import attachment_fields, metadata_table, record_id
 from fti.logger.summary import Summary
 
 
@@ -68,22 +67,18 @@ class RecoveredWriter:
         """Declare a channel and its schema outside of chunks."""
         if schema:
             self._write(schema)
-            self._summary.schemas[struct.unpack_from("<H", schema, HEAD.size)[0]] = schema
+            self._summary.schemas[record_id(schema)] = schema
         self._write(channel)
         self._summary.channels[channel_id] = channel
 
     def attachment(self, record: bytes) -> None:
         """Write a valid attachment record."""
-        (log_time,) = struct.unpack_from("<Q", record, HEAD.size)
-        name, at = read_text(record, HEAD.size + 16)
-        media_type, at = read_text(record, at)
-        (size,) = struct.unpack_from("<Q", record, at)
-        self._summary.add_attachment((self._at, len(record)), log_time, size, name, media_type)
+        self._summary.add_attachment((self._at, len(record)), *attachment_fields(record))
         self._write(record)
 
     def metadata(self, record: bytes) -> None:
         """Write a valid metadata record."""
-        self._summary.add_metadata(self._at, len(record), read_text(record, HEAD.size)[0])
+        self._summary.add_metadata(self._at, len(record), metadata_table(record)[0])
         self._write(record)
 
     def finish(self) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from typing import Any
 
+from fti.logger.reading.number_ranges import SequenceRange
 from fti.logger.reading.summary_index import ChunkLocation
-from fti.logger.recovery.recovered_sequence import SequenceGap
 
 
 @dataclass(slots=True)
@@ -79,7 +79,7 @@ class RecoveryReport:
 
     source: str
     files: list[FileReport] = field(default_factory=list)
-    gaps: list[SequenceGap] = field(default_factory=list)
+    gaps: list[SequenceRange] = field(default_factory=list)
 
     @property
     def complete(self) -> bool:
@@ -98,11 +98,12 @@ class RecoveryReport:
             }
             for file in self.files
         ]
+        gaps = [dict(zip(("first", "last", "after_ns", "before_ns"), astuple(gap), strict=True)) for gap in self.gaps]
         return {
             "source": self.source,
             "complete": self.complete,
             "messages": sum(file.messages for file in self.files),
             "unproved": sum(file.unproved for file in self.files),
-            "missing_numbers": [asdict(gap) for gap in self.gaps],
+            "missing_numbers": gaps,
             "files": files,
         }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass, field
 
 from fti.errors import RecordingError
@@ -11,16 +10,10 @@ from fti.logger.log_layout import altered_tables
 from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.limits import MAX_RECORD
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, OpenChunk, is_open, read_open_chunk
-from fti.logger.reading.record_validation import (
-    MAX_TORN_BYTES,
-    ChunkHead,
-    chunk_head,
-    is_followed_by_chunk,
-    record_end,
-)
-from fti.logger.reading.tables import metadata_table
+from fti.logger.reading.record_cursor import ChunkHead, attachment_fields, chunk_head, metadata_table
+from fti.logger.reading.record_validation import MAX_TORN_BYTES, is_followed_by_chunk, valid_record
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import HEAD, Op, read_text
+from fti.logger.records import HEAD, Op
 from fti.logger.recovery.damage_scan import Walk
 from fti.logger.summary import Summary
 
@@ -78,7 +71,8 @@ class _Inspector:
             if end is None:
                 break
             found.end = end
-        self._check_tables()
+        if altered := altered_tables(found.tables):
+            raise self._refusal(f"the checksum of its metadata {', '.join(altered)} does not match")
         self._check_rest()
         if self._source.unreadable:
             raise self._refusal("the medium cannot read all of it")
@@ -103,25 +97,18 @@ class _Inspector:
         head = chunk_head(self._source, at)
         if head:
             return self._take_chunk(head)
-        end = record_end(self._source, at, self._source.size)
-        op = self._source.read(at, 1)[0]
-        if end is None or op not in (Op.PADDING, Op.CHECKPOINTS, Op.ATTACHMENT, Op.METADATA):
+        record = valid_record(self._source, at, self._source.size)
+        if record is None or record.op not in (Op.PADDING, Op.CHECKPOINTS, Op.ATTACHMENT, Op.METADATA):
             return None
-        if op == Op.ATTACHMENT:
-            self._take_attachment(at, end)
-        elif op == Op.METADATA:
+        end = record.end
+        if record.op == Op.ATTACHMENT:
+            fields = attachment_fields(self._source.read(at, min(end - at, MAX_TORN_BYTES)))
+            self._result.summary.add_attachment((at, end - at), *fields)
+        elif record.op == Op.METADATA:
             name, table = metadata_table(self._source.read(at, end - at))
             self._result.tables[name] = table
             self._result.summary.add_metadata(at, end - at, name)
         return end
-
-    def _take_attachment(self, at: int, end: int) -> None:
-        begin = self._source.read(at, min(end - at, MAX_TORN_BYTES))
-        (log_time,) = struct.unpack_from("<Q", begin, HEAD.size)
-        name, offset = read_text(begin, HEAD.size + 16)
-        media_type, offset = read_text(begin, offset)
-        (size,) = struct.unpack_from("<Q", begin, offset)
-        self._result.summary.add_attachment((at, end - at), log_time, size, name, media_type)
 
     def _take_chunk(self, head: ChunkHead) -> int | None:
         """Read a finished chunk and its message index, or the open chunk, which is the last."""
@@ -159,12 +146,6 @@ class _Inspector:
         tail, offsets = summary.chunk_tail(head.begin + content.end, content.index)
         summary.add_chunk(head.at, content.end, content.times, content.index, offsets)
         return tail
-
-    # ------------------------------------------------------------------------------------------------------ checks
-
-    def _check_tables(self) -> None:
-        if altered := altered_tables(self._result.tables):
-            raise self._refusal(f"the checksum of its metadata {', '.join(altered)} does not match")
 
     def _check_rest(self) -> None:
         """Check that the rest is a torn write: it must hold no self-proving record."""

@@ -24,23 +24,28 @@ from fti.logger.reading.integrity_notes import has_unverified_end, list_end_warn
 from fti.logger.reading.limits import DeclaredSizes, LimitError
 from fti.logger.reading.mcap_file import FOOTER_BYTES, McapChannel, has_footer
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
-from fti.logger.reading.record_validation import (
+from fti.logger.reading.record_cursor import (
     ChunkHead,
+    Record,
+    channel_fields,
     chunk_head,
+    footer_fields,
+    metadata_table,
+    record_id,
+    records_in,
+)
+from fti.logger.reading.record_validation import (
     is_channel,
     is_followed_by_chunk,
     is_schema,
     is_torn_write,
-    record_end,
+    valid_record,
 )
-from fti.logger.reading.tables import metadata_table, text_table
 from fti.logger.reading.text_format import clock_text
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import HEAD, MAGIC, MESSAGE, MESSAGE_BODY, Op, read_text
+from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
 
-_MESSAGE, _SCHEMA, _CHANNEL = int(Op.MESSAGE), int(Op.SCHEMA), int(Op.CHANNEL)
-_HEAD = HEAD.size
-_TIMES = struct.Struct("<QQ")
+_MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
 _BLOCK = 2**22
 _SUMMARY = frozenset((Op.SCHEMA, Op.CHANNEL, Op.STATISTICS, Op.CHUNK_INDEX, Op.ATTACHMENT_INDEX))
 _IN_SUMMARY = _SUMMARY | {Op.METADATA_INDEX, Op.SUMMARY_OFFSET, Op.FOOTER}
@@ -63,7 +68,7 @@ class Page:
     def body(self, row: MessageRow) -> bytes:
         """The bytes of a message."""
         _, _, at, length = row
-        return self.data[at + MESSAGE.size : at + _HEAD + length]
+        return self.data[at + MESSAGE.size : at + HEAD.size + length]
 
 
 class FileCheck:
@@ -116,15 +121,15 @@ class FileCheck:
                 if head and not self.finished and is_open(source, head):
                     yield from self._open_chunk(source, head)
                     break
-                end = record_end(source, at, source.size)
-                if end is None or op not in (_IN_SUMMARY if self._ended else _IN_DATA):
+                record = valid_record(source, at, source.size)
+                if record is None or op not in (_IN_SUMMARY if self._ended else _IN_DATA):
                     self._break(at, torn=self._is_torn(source, at))
                     return
                 if head:
                     yield from self._chunk(source, head)
                 else:
-                    self._check_record(source, op, at, end)
-                at = end
+                    self._check_record(source, record)
+                at = record.end
                 if op == Op.FOOTER:
                     return
             if at and not self.finished:
@@ -194,8 +199,10 @@ class FileCheck:
         self._check_checkpoints(source, head, data)
         if not head.crc and zlib.crc32(data):
             self.faults.append(f"the chunk at byte {at} has no checksum")
-        self._check_times(source, at, rows)
-        self._index = {channel: _index_of(channel, found) for channel, found in rows.items()}
+        times = {channel: [log_time for _, log_time, _, _ in found] for channel, found in rows.items()}
+        if rows and head.times != (min(map(min, times.values())), max(map(max, times.values()))):
+            self.faults.append(f"the chunk at byte {at} states other times than its messages have")
+        self._index = {channel: _index_of(channel, times[channel], found) for channel, found in rows.items()}
         yield self._page(data, rows, at, head.end)
 
     def _check_checkpoints(self, source: TolerantFile, head: ChunkHead, data: bytes) -> None:
@@ -216,47 +223,37 @@ class FileCheck:
     def _walk(self, data: bytes) -> tuple[dict[int, list[MessageRow]], int]:
         """Messages by channel, and the end of the whole records."""
         rows: dict[int, list[MessageRow]] = defaultdict(list)
-        unpack, body = MESSAGE.unpack_from, MESSAGE_BODY
-        at, size = 0, len(data)
-        last = size - MESSAGE.size
-        while at <= last:
-            op, length, channel, sequence, log_time, _ = unpack(data, at)
-            end = at + _HEAD + length
-            if op == _MESSAGE and length >= body and end <= size:
+        walked = 0
+        for at, end, (op, length, channel, sequence, log_time, _) in records_in(data):
+            if op == _MESSAGE:
                 rows[channel].append((sequence, log_time, at, length))
-            elif op not in (_SCHEMA, _CHANNEL) or end > size or not self._declare(op, data[at + _HEAD : end]):
+            elif not self._declare(op, data[at:end]):
                 break
-            at = end
+            walked = end
         for channel in rows.keys() - self._topics.keys():
             self.faults.append(f"{len(rows.pop(channel))} messages belong to channel {channel}, which is not declared")
-        return rows, at
+        return rows, walked
 
-    def _declare(self, op: int, body: bytes) -> bool:
-        """Add a schema or a channel; False when its lengths or texts are invalid."""
+    def _declare(self, op: int, record: bytes) -> bool:
+        """Add a schema or a channel; False for another record, or when its lengths or texts are invalid."""
+        body = record[HEAD.size :]
         try:
-            if op == _SCHEMA:
-                return is_schema(body)
-            if not is_channel(body):
-                return False
-            channel, _ = struct.unpack_from("<HH", body)
-            name, at = read_text(body, 4)
-            encoding, at = read_text(body, at)
-            self._sizes.channel(channel, name, len(body))
-            self._topics[channel] = McapChannel(name, encoding, text_table(body, at))
+            if op != Op.CHANNEL or not is_channel(body):
+                return op == Op.SCHEMA and is_schema(body)
+            channel = channel_fields(record)
+            self._sizes.channel(channel.channel_id, channel.topic, len(body))
+            self._topics[channel.channel_id] = McapChannel(channel.topic, channel.encoding, channel.metadata)
         except (struct.error, UnicodeDecodeError):
             return False
         return True
 
-    def _check_times(self, source: TolerantFile, at: int, rows: dict[int, list[MessageRow]]) -> None:
-        times = [log_time for found in rows.values() for _, log_time, _, _ in found]
-        stated = _TIMES.unpack(source.read(at + _HEAD, _TIMES.size))
-        if times and stated != (min(times), max(times)):
-            self.faults.append(f"the chunk at byte {at} states other times than its messages have")
-
-    def _check_record(self, source: TolerantFile, op: int, at: int, end: int) -> None:
-        """Check a record outside of chunks; ``record_end`` has checked lengths, attachment checksums and padding."""
+    def _check_record(self, source: TolerantFile, record: Record) -> None:
+        """Check a record outside of chunks; ``valid_record`` has checked lengths, attachment checksums and padding."""
+        op, at, end = record
         if op == Op.MESSAGE_INDEX:
-            self._check_index(source.read(at, end - at), at)
+            index = source.read(at, end - at)
+            if self._index.pop(record_id(index), None) != index:
+                self.faults.append(f"the message index at byte {at} does not match the messages")
             return
         self._expect_no_index()
         if op == Op.METADATA:
@@ -273,11 +270,6 @@ class FileCheck:
         elif op == Op.FOOTER:
             self._check_summary_crc(source, at)
 
-    def _check_index(self, found: bytes, at: int) -> None:
-        channel = int.from_bytes(found[_HEAD : _HEAD + 2], "little")
-        if self._index.pop(channel, None) != found:
-            self.faults.append(f"the message index at byte {at} does not match the messages")
-
     def _expect_no_index(self) -> None:
         if self._index:
             self.faults.append(f"the chunk at byte {self.chunks[-1]} lacks the message index of a channel")
@@ -292,7 +284,7 @@ class FileCheck:
             self.faults.append(f"the checksum of its metadata {name} does not match")
 
     def _check_data_crc(self, source: TolerantFile, at: int) -> None:
-        stated_crc = int.from_bytes(source.read(at + _HEAD, 4), "little")
+        stated_crc = int.from_bytes(source.read(at + HEAD.size, 4), "little")
         crc, done = 0, 0
         while stated_crc and done < at:
             block = source.read(done, min(_BLOCK, at - done))
@@ -301,14 +293,16 @@ class FileCheck:
             self.faults.append("the checksum of its data section does not match")
 
     def _check_summary_crc(self, source: TolerantFile, at: int) -> None:
-        start, _, stated_crc = struct.unpack("<QQI", source.read(at + _HEAD, 20))
+        start, stated_crc = footer_fields(source.read(at, HEAD.size + 20))
         if at + FOOTER_BYTES != source.size or source.read(at + 29, 8) != MAGIC:
             self.faults.append("does not end with its footer")
         elif not stated_crc or zlib.crc32(source.read(start, at + 25 - start)) != stated_crc:
             self.faults.append("its summary is damaged")
 
 
-def _index_of(channel: int, rows: list[MessageRow]) -> bytes:
+def _index_of(channel: int, times: list[int], rows: list[MessageRow]) -> bytes:
     """The message index record of one channel in one chunk."""
-    entries = array("Q", [number for _, log_time, at, _ in rows for number in (log_time, at)])
+    entries = array("Q", bytes(16 * len(rows)))
+    entries[::2] = array("Q", times)
+    entries[1::2] = array("Q", [at for _, _, at, _ in rows])
     return records.message_index(channel, entries.tobytes())

@@ -7,8 +7,8 @@ from typing import Any
 
 from fti.logger.reading.json_message import parse_table
 from fti.logger.reading.limits import MAX_TEXT_LENGTH
+from fti.logger.reading.number_ranges import SequenceRange
 from fti.logger.reading.text_format import clock_text
-from fti.logger.verify.sequence_check import SequenceRange
 
 OVERFLOW = "buffer_overflow"
 MAX_DESCRIBED_NOTES = 20

@@ -14,9 +14,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
+from fti.logger.reading.number_ranges import SequenceRange
 from fti.logger.reading.text_format import clock_text
 from fti.logger.verify.ledger import NOTHING, Amount, LedgerEntry, LedgerNote, LedgerReader, RecorderIdentity
-from fti.logger.verify.sequence_check import SequenceCheck, SequenceRange
+from fti.logger.verify.sequence_check import SequenceCheck
 from fti.messages.topics import TICK_TOPIC
 
 _ZERO = LedgerEntry()

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from fti.logger.lock import is_being_written
 from fti.logger.reading.file_numbers import absent_numbers
+from fti.logger.reading.number_ranges import SequenceRange
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.text_format import clock_text, ranges_text
 from fti.logger.verify.gap_check import GapNotes
 from fti.logger.verify.ledger import SOCKET_QUEUE, Amount
 from fti.logger.verify.ledger_check import LedgerCheck, RecorderRun
 from fti.logger.verify.report import Check, CheckVerdict, LinkAccount, VerifyReport
-from fti.logger.verify.sequence_check import TICK_HOLE_NS, SequenceCheck, SequenceRange
+from fti.logger.verify.sequence_check import TICK_HOLE_NS, SequenceCheck
 from fti.messages.topics import TICK_TOPIC
 
 NOT_TRIGGERED = "not_triggered"

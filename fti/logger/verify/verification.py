@@ -10,7 +10,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise
+from operator import sub
 from pathlib import Path
 from typing import IO
 
@@ -24,7 +24,7 @@ from fti.logger.lock import is_being_written
 from fti.logger.reading.compression import decompress
 from fti.logger.reading.limits import MAX_GAP_NOTES, MAX_HOLES, check_topic_count
 from fti.logger.reading.mcap_file import McapChannel
-from fti.logger.reading.record_validation import check_content
+from fti.logger.reading.record_cursor import check_content
 from fti.logger.reading.recording import Recording
 from fti.logger.records import MESSAGE_BODY
 from fti.logger.session import name_parts
@@ -160,9 +160,9 @@ class _Verification:
     def _count(self, channel: McapChannel, rows: list[MessageRow]) -> None:
         topic = self._report.topics.setdefault(channel.name, TopicTotals())
         topic.messages += len(rows)
-        topic.bytes += sum(length - MESSAGE_BODY for _, _, _, length in rows)
-        times = [topic.last_ns or rows[0][1], *(log_time for _, log_time, _, _ in rows)]
-        longest = max(b - a for a, b in pairwise(times))
+        topic.bytes += sum([length for _, _, _, length in rows]) - MESSAGE_BODY * len(rows)
+        times = [log_time for _, log_time, _, _ in rows]
+        longest = max(map(sub, times, [topic.last_ns or times[0], *times]))
         topic.longest_gap_ns = max(topic.longest_gap_ns, longest)
         topic.last_ns = times[-1]
 
