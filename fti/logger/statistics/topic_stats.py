@@ -139,13 +139,8 @@ class RecordingStatistics:
                 self.gnss = {**gnss, **texts, **times}
 
 
-def topic_statistics(recording: Recording) -> list[TopicStatistics]:
-    """Statistics of all topics, in the order of ``PREFIXES``; silent links too.  Reads everything."""
-    return collect_statistics(recording).topics
-
-
 def collect_statistics(recording: Recording) -> RecordingStatistics:
-    """Topics, events and clocks.  Reads everything, once."""
+    """Topics in the order of ``PREFIXES``, silent links too; events and clocks.  Reads everything, once."""
     topics: dict[tuple[Kind, str], TopicStatistics] = {}
     statistics = RecordingStatistics([])
     handlers = {
