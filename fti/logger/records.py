@@ -66,7 +66,7 @@ def read_text(data: bytes, at: int) -> tuple[str, int]:
     (length,) = struct.unpack_from("<I", data, at)
     end = at + 4 + length
     if end > len(data):
-        raise struct.error("a string is longer than its record")
+        raise struct.error("a field is longer than its record")
     return data[at + 4 : end].decode(), end
 
 

@@ -17,7 +17,6 @@ from fti.logger.reading.limits import MAX_RECORD, MAX_TIME_NS, DeclaredSizes, Li
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
 from fti.logger.reading.record_cursor import (
     ChannelFields,
-    ChunkHead,
     Record,
     attachment_content,
     channel_fields,
@@ -25,6 +24,7 @@ from fti.logger.reading.record_cursor import (
     metadata_table,
     record_at,
     records_in,
+    stated_chunk_head,
 )
 from fti.logger.reading.record_validation import valid_records
 from fti.logger.reading.tolerant_file import TolerantFile
@@ -211,13 +211,6 @@ def _magic_end(source: TolerantFile, at: int) -> int:
     return at + len(MAGIC)
 
 
-def _parse_chunk(source: TolerantFile, record: Record) -> ChunkHead:
-    head = chunk_head(source, record.at)
-    if head is None:
-        raise ValueError("the head of a chunk is invalid, or its compression is not supported")
-    return head
-
-
 def _read_record(source: TolerantFile, record: Record) -> bytes:
     return source.read(record.at, record.end - record.at)
 
@@ -226,7 +219,7 @@ def _read_record(source: TolerantFile, record: Record) -> bytes:
 _PARSERS: dict[int, Callable[[TolerantFile, Record], Any]] = {
     Op.ATTACHMENT: lambda source, record: attachment_content(_read_record(source, record)),
     Op.CHANNEL: lambda source, record: channel_fields(_read_record(source, record)),
-    Op.CHUNK: _parse_chunk,
+    Op.CHUNK: stated_chunk_head,
     Op.MESSAGE: _read_record,
     Op.METADATA: lambda source, record: metadata_table(_read_record(source, record)),
 }

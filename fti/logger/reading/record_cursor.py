@@ -15,16 +15,17 @@ from typing import NamedTuple
 from fti.logger.reading.compression import decompress
 from fti.logger.reading.limits import MAX_CHUNK_MESSAGES, MAX_RECORD, LimitError, check_messages
 from fti.logger.reading.tolerant_file import TolerantFile
-from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, MESSAGE_BODY, Op, read_text
+from fti.logger.records import CHUNK, HEAD, MESSAGE, MESSAGE_BODY, Op, read_text
 
 #: Opcode, length of the body; of a message also channel, sequence, log time and publish time.
 RecordHead = tuple[int, int, int, int, int, int]
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
-_CHUNK_HEAD = struct.Struct("<BQQQQII")  # a chunk up to the name of its compression
+_CHUNK_HEAD = struct.Struct("<QQQI")  # first and last log time, size, checksum; the name of the compression follows
+_MAX_CHUNK_HEAD = 4096
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _INDEX_ENTRY = struct.Struct("<HQ")
 _U64 = struct.Struct("<Q")
-COMPRESSIONS = (b"", b"zstd", b"lz4")
+COMPRESSIONS = ("", "zstd", "lz4")
 
 
 class Record(NamedTuple):
@@ -110,18 +111,29 @@ def check_content(content: bytes, stored: int) -> None:
 
 def chunk_head(source: TolerantFile, at: int) -> ChunkHead | None:
     """Head of the chunk at an offset; None when its lengths disagree.  Its end may be after the end of the file."""
-    head = source.read(at, CHUNK.size + 4)
-    if len(head) < CHUNK.size:
+    data = source.read(at, CHUNK.size + max(map(len, COMPRESSIONS)))
+    try:
+        head = _parse_chunk_head(data, at)
+    except (struct.error, UnicodeDecodeError):
         return None
-    op, length, first, last, size, crc, name_length = _CHUNK_HEAD.unpack_from(head)
-    name = head[_CHUNK_HEAD.size : _CHUNK_HEAD.size + name_length]
-    if op != Op.CHUNK or name not in COMPRESSIONS or len(head) < CHUNK.size + len(name) or name_length != len(name):
-        return None
-    (stored,) = _U64.unpack_from(head, _CHUNK_HEAD.size + name_length)
-    if length != CHUNK_BODY + name_length + stored or (not name and stored != size):
-        return None
-    begin = at + CHUNK.size + name_length
-    return ChunkHead(at, begin, begin + stored, size, crc, name.decode(), (first, last))
+    op, length = HEAD.unpack_from(data)
+    agree = head.end == at + HEAD.size + length and (head.compression or head.end - head.begin == head.size)
+    return head if op == Op.CHUNK and head.compression in COMPRESSIONS and agree else None
+
+
+def stated_chunk_head(source: TolerantFile, record: Record) -> ChunkHead:
+    """Head of a chunk whose record may be longer than its fields.  Raises ValueError or struct.error."""
+    head = _parse_chunk_head(source.read(record.at, min(record.end - record.at, _MAX_CHUNK_HEAD)), record.at)
+    if head.end > record.end:
+        raise ValueError("a field is longer than its record")
+    return head
+
+
+def _parse_chunk_head(data: bytes, at: int) -> ChunkHead:
+    first, last, size, crc = _CHUNK_HEAD.unpack_from(data, HEAD.size)
+    compression, end = read_text(data, HEAD.size + _CHUNK_HEAD.size)
+    begin = at + end + _U64.size
+    return ChunkHead(at, begin, begin + _U64.unpack_from(data, end)[0], size, crc, compression, (first, last))
 
 
 # ------------------------------------------------------------------------------------------------------------- fields
@@ -183,7 +195,7 @@ def attachment_content(record: bytes) -> tuple[str, bytes]:
     """Name and content of an attachment record."""
     fields, begin = _attachment(record)
     if begin + fields.size > len(record):
-        raise struct.error("an attachment is longer than its record")
+        raise struct.error("a field is longer than its record")
     return fields.name, record[begin : begin + fields.size]
 
 
