@@ -8,7 +8,7 @@ from typing import Any
 
 from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.session import SessionFolder
+from fti.logger.session import Kind, SessionFolder
 
 STARTED = 1_767_323_045_000_000_000
 STEP_NS = 10_000_000
@@ -152,10 +152,11 @@ def time_of(seq: int) -> int:
     return STARTED + seq * STEP_NS
 
 
-def open_log(folder: SessionFolder, **keys: Any) -> RawLog:
+def open_log(folder: SessionFolder, kind: Kind = "raw", **keys: Any) -> RawLog:
     """The raw log of a session with short files."""
     about = {"split_s": 2, "split_mb": 100, "metadata": {"fti": {"origin": "hil"}}, **keys}
-    return RawLog(folder, LINKS, LogSettings(attachments=[("config.toml", "text/plain", b"a = 1\n" * 20)], **about))
+    settings = LogSettings(attachments=[("config.toml", "text/plain", b"a = 1\n" * 20)], **about)
+    return RawLog(folder, LINKS, settings, kind=kind)
 
 
 def make(folder: SessionFolder, frames: int = 500, **keys: Any) -> SessionFolder:

@@ -269,11 +269,11 @@ def test_what_is_missing_is_reported(tmp_path: Path) -> None:
     numbers = [number for topic, _, _, number, _ in held if topic.startswith("/raw")]
     [gap] = report.gaps
     assert (gap.first, gap.last) == (min(numbers), max(numbers))
-    assert (gap.after_ns, gap.before_ns) == tuple(10**9 + n * 10**6 for n in (min(numbers) - 1, max(numbers) + 1))
+    assert (gap.first_ns, gap.last_ns) == tuple(10**9 + n * 10**6 for n in (min(numbers) - 1, max(numbers) + 1))
     [file] = report.files
     [damage] = file.damages
     assert (damage.begin, damage.end) == (begin, end)
-    assert (damage.after_ns, damage.before_ns) == (gap.after_ns, gap.before_ns)
+    assert (damage.after_ns, damage.before_ns) == (gap.first_ns, gap.last_ns)
     assert file.missing_messages == len(held) and [chunk.offset for chunk in file.missing_chunks] == [begin]
     assert json.loads((tmp_path / "out" / "recovered.json").read_text()) == report.as_json()
     assert done == sorted(done) and done[-1] == len(data)
