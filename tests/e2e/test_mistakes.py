@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import serial
 
+from fti.cli.main import main
 from fti.drivers import freeflight_ra4500
 from tests.e2e.harness import Daemon, Line, daemon, fti
 from tests.helpers import ROOT, until
@@ -160,23 +161,24 @@ def test_a_port_in_use_is_reported(tmp_path: Path) -> None:
         ("[session]", "[session", "is not valid TOML"),
     ],
 )
-def test_a_mistake_in_the_configuration_is_one_sentence(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_a_mistake_in_the_configuration_is_one_sentence(
+    tmp_path: Path, old: str, new: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     config = tmp_path / "bench.toml"
     config.write_text(CONFIG.replace(old, new, 1))
     for command in ("run", "check"):
-        done = fti(command, str(config))
-        assert done.returncode == 2
-        assert done.stderr.startswith("fti: ")
-        assert str(config) in done.stderr
-        assert message in done.stderr
-        assert done.stderr.count("\n") == 1
+        code, printed = main([command, str(config)]), capsys.readouterr().err
+        assert code == 2
+        assert printed.startswith("fti: ")
+        assert str(config) in printed
+        assert message in printed
+        assert printed.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_configuration_and_a_wrong_dbc(tmp_path: Path) -> None:
-    missing = fti("run", str(tmp_path / "none.toml"))
-    assert missing.returncode == 2
-    assert "none.toml" in missing.stderr
+def test_a_missing_configuration_and_a_wrong_dbc(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", str(tmp_path / "none.toml")]) == 2
+    assert "none.toml" in capsys.readouterr().err
     (tmp_path / "air.dbc").write_text("BO_ this is no DBC")
     config = tmp_path / "can.toml"
     config.write_text(
@@ -184,10 +186,10 @@ def test_a_missing_configuration_and_a_wrong_dbc(tmp_path: Path) -> None:
         .replace("freeflight_ra4500", "canaerospace")
         .replace("max_age_ms = 500", 'options = { dbc_file = "air.dbc" }')
     )
-    done = fti("run", str(config))
-    assert done.returncode == 2
-    assert "device[0].options" in done.stderr
-    assert "line 1" in done.stderr or ":1" in done.stderr
+    assert main(["run", str(config)]) == 2
+    printed = capsys.readouterr().err
+    assert "device[0].options" in printed
+    assert "line 1" in printed or ":1" in printed
 
 
 def test_a_directory_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from fti.nav.source_interpolation import PositionState
 from tests.nav.healthy_receivers import fly as fly_truth
 from tests.nav.healthy_receivers import measure
 from tests.nav.plausibility.receiver_runs import T0, UBX1, Result, S, make_tests, run
-from tests.nav.receiver_flights import config, draw, fly
+from tests.nav.receiver_flights import SECONDS, config, draw, fly
 
 RADIUS = 6_366_000.0
 
@@ -62,22 +62,28 @@ def test_a_step_there_and_back_does_not_end_what_stood_before() -> None:
     assert not any(valid for _, valid, _ in result.valid)
 
 
-def test_the_filter_does_not_begin_with_a_receiver_that_the_one_before_excluded() -> None:
-    flight = fly(draw(0), restored=[excluded("gnss", RefusedPart.AIDING)])
+@pytest.fixture
+def until_s(scale: int) -> float:
+    """End of the flights [s]."""
+    return 180.0 if scale == 1 else SECONDS
+
+
+def test_the_filter_does_not_begin_with_a_receiver_that_the_one_before_excluded(until_s: float) -> None:
+    flight = fly(draw(0), restored=[excluded("gnss", RefusedPart.AIDING)], until_s=until_s)
     assert flight.t == []
     assert "gnss: still refused after navigation was started again" in flight.texts()
 
 
-def test_beside_another_receiver_it_stays_excluded() -> None:
-    flight = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING)])
-    assert len(flight.refused_at("gnss")) == len(flight.t) > 500
+def test_beside_another_receiver_it_stays_excluded(until_s: float) -> None:
+    flight = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING)], until_s=until_s)
+    assert len(flight.refused_at("gnss")) == len(flight.t) > until_s - 30.0
     assert flight.mode[-1] is FilterMode.AIDED
     assert flight.misled(60.0) == 0.0
 
 
-def test_a_height_alone_stays_excluded() -> None:
+def test_a_height_alone_stays_excluded(until_s: float) -> None:
     """A second receiver gives the height; the position of the first one aids."""
-    flight = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING_HEIGHT)])
+    flight = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING_HEIGHT)], until_s=until_s)
     assert len(flight.refused_at("gnss")) == 0
     assert flight.mode[-1] is FilterMode.AIDED
     assert "gnss height: still refused" in flight.texts()
@@ -103,8 +109,8 @@ def test_the_altitude_of_a_receiver_whose_height_is_excluded_is_not_used() -> No
     assert all(Reason.NO_ALTITUDE in o.reasons for o in solutions)
 
 
-def test_refusals_of_other_devices_are_left_out() -> None:
-    flight = fly(draw(0), restored=[excluded("other", RefusedPart.AIDING)])
+def test_refusals_of_other_devices_are_left_out(until_s: float) -> None:
+    flight = fly(draw(0), restored=[excluded("other", RefusedPart.AIDING)], until_s=until_s)
     assert flight.mode[-1] is FilterMode.AIDED
     assert not flight.events
 
