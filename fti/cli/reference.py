@@ -151,14 +151,14 @@ def _apply_fit(
     args: argparse.Namespace, altimeter: AltimeterModel
 ) -> tuple[AltimeterModel, tuple[ReceiverVariant, ...]]:
     """The altimeter with the fitted beam, and the fitted receiver; empty without --fitted: receivers are random."""
-    from fti.hil.approach_reference.fitted_file import fitted_receiver, read_fitted
+    from fti.hil.approach_reference.fitted_receiver import make_receiver, read_fitted
 
     if not args.fitted:
         return altimeter, ()
     keys, sensor = read_fitted(args.fitted), altimeter.sensor
     if keys.beam_deg is not None and sensor.kind == "radar":
         sensor = sensor.model_copy(update={"beam_deg": keys.beam_deg})
-    return dataclasses.replace(altimeter, sensor=sensor), (fitted_receiver(sensor, keys),)
+    return dataclasses.replace(altimeter, sensor=sensor), (make_receiver(sensor, keys),)
 
 
 def _from_recordings(

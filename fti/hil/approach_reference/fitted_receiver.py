@@ -1,4 +1,4 @@
-"""Fit of the receiver of a device to recorded flights: its family, its parameters, and its TOML table.
+"""Fit of the receiver of a device to recorded flights: its family, its parameters, and the file of its TOML table.
 
 For a radar both families of ``[device.altimeter] model`` are fitted; the one with the lower cost is selected.  The TOML
 table can be copied into a configuration.
@@ -9,16 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from fti import config as configuration
 from fti.config import Altimeter, Device
 from fti.errors import ConfigError
 from fti.hil.approach_reference.fit_samples import FitSamples
 from fti.hil.approach_reference.range_tables import RangeTableBuilder
 from fti.hil.approach_reference.receiver_fit import Problem, ReceiverFit, choose, coarse_start, refine
+from fti.hil.approach_reference.receivers import ReceiverVariant
+from fti.nav.integrity.reference import ReferenceSensor
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -185,3 +190,37 @@ def as_toml(fitted_receiver: FittedReceiver, sensor: str, sessions: Sequence[str
 
 
 _DIGITS = {"beam_deg": 2, "threshold_db": 2, "bias_m": 2, "scale": 5}
+
+
+# ---------------------------------------------------------------------------------------------------------------- file
+
+
+class FittedKeys(configuration.StrictModel):
+    """``[device.altimeter]`` of the file: the fitted keys, with the meaning of the configuration."""
+
+    model: Literal["nearest", "beam"] = "nearest"
+    beam_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
+    threshold_db: Annotated[float, Field(ge=-26, le=-2)] | None = None
+    bias_m: Annotated[float, Field(ge=-100, le=100)] = 0.0
+    scale: Annotated[float, Field(ge=0.8, le=1.25)] = 1.0
+
+
+def read_fitted(file: Path) -> FittedKeys:
+    """The keys in a file.  Raises MissingError; ConfigError if the table is missing, or has other keys."""
+    table, _ = configuration.read_toml(file)
+    keys: Any = table.get("device")
+    keys = keys.get("altimeter") if isinstance(keys, dict) else None
+    if not isinstance(keys, dict):
+        raise ConfigError(f"{file}: device.altimeter: is missing; fti reference fit --out writes it")
+    return configuration.bind(FittedKeys, keys, str(file), "device.altimeter")
+
+
+def make_receiver(sensor: ReferenceSensor, keys: FittedKeys) -> ReceiverVariant:
+    """The fitted receiver; without a fitted beam it has the stated one."""
+    beam = math.radians(sensor.beam_deg if keys.beam_deg is None else keys.beam_deg)
+    if sensor.kind == "laser":
+        return ReceiverVariant("laser", 0.0, bias=keys.bias_m, scale=keys.scale)
+    if keys.model == "nearest":
+        return ReceiverVariant("nearest", beam, 0.0, bias=keys.bias_m, scale=keys.scale)
+    threshold = 0.25 if keys.threshold_db is None else 10.0 ** (keys.threshold_db / 10.0)
+    return ReceiverVariant("cosine", beam, threshold, bias=keys.bias_m, scale=keys.scale)

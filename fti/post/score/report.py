@@ -10,10 +10,9 @@ from typing import Any
 from fti.post.score.comparison import Score
 from fti.post.score.outcome import MAX_LATE_SHARE, FlightOutcome, UnscoredFlight
 from fti.post.score.outputs.row import OutputRow
-from fti.post.score.outputs.table import output_lines
+from fti.post.score.outputs.table import output_lines, text_table
 from fti.post.score.results import describe_unexpected, name_expectation
 from fti.post.score.rows import FAILURES, ExpectationRow, FlagRow, FlightFinding, Result
-from fti.post.score.text_table import text_table
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
 #: First words of the conclusion.

@@ -9,7 +9,7 @@ from fti.config import CanLink, Config
 from fti.logger.reading.recording import Recording
 from fti.messages.topics import RAW_PREFIX
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
-from fti.post.score.truth_reader import FlightTruth, SentOnLink
+from fti.post.score.truth_reader import FlightTruth
 
 #: A recorded CAN frame [bytes]: the kernel's ``can_frame`` and ``canfd_frame``.
 CAN_BYTES, CAN_FD_BYTES = 16, 72
@@ -30,22 +30,12 @@ def recorded_links(recording: Recording, flight_truth: FlightTruth, config: Conf
             recorded[topic.removeprefix(RAW_PREFIX)] += len(data)
     min_share = MIN_SHARE if flight_truth.real_time else ACCELERATED_SHARE
     for link in config.link:
-        if sent := flight_truth.sent.get(link.name):
-            frame_bytes = 0 if not isinstance(link, CanLink) else CAN_FD_BYTES if link.fd else CAN_BYTES
-            yield _row(link.name, recorded[link.name], sent, frame_bytes, min_share)
-
-
-def _row(link: str, recorded: int, sent: SentOnLink, frame_bytes: int, min_share: float) -> OutputRow:
-    """Compare bytes; on a CAN bus frames, because an adapter sends them in another form."""
-    found, expected, unit = (
-        (recorded // frame_bytes, sent.messages, "frames") if frame_bytes else (recorded, sent.bytes, "bytes")
-    )
-    share = found / expected if expected else 1.0
-    return OutputRow(
-        f"{RAW_PREFIX}{link}",
-        OutputCheck.RECORDED,
-        "",
-        result_of(share >= min_share),
-        f"{found} of {expected} sent {unit}",
-        f">= {min_share:.1%}",
-    )
+        sent = flight_truth.sent.get(link.name)
+        if sent is None:
+            continue
+        received, expected, unit = recorded[link.name], sent.bytes, "bytes"
+        if isinstance(link, CanLink):  # frames, because an adapter sends their bytes in another form
+            received, expected, unit = received // (CAN_FD_BYTES if link.fd else CAN_BYTES), sent.messages, "frames"
+        result = result_of((received / expected if expected else 1.0) >= min_share)
+        text, limit = f"{received} of {expected} sent {unit}", f">= {min_share:.1%}"
+        yield OutputRow(f"{RAW_PREFIX}{link.name}", OutputCheck.RECORDED, "", result, text, limit)

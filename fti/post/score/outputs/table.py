@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from fti.post.score.outputs.accuracy import DURING_FAULT
 from fti.post.score.outputs.row import OutputCheck, OutputRow
 from fti.post.score.rows import FAILURES, Result
-from fti.post.score.text_table import text_table
 
 HEAD = ("output", "rate", "longest gap", "valid", "checks that hold")
 
@@ -42,3 +41,13 @@ def _cells(rows: Sequence[OutputRow]) -> Iterator[tuple[str, ...]]:
         found = {row.check: row.found for row in group if not is_device and not row.what}
         valid = found.get(OutputCheck.VALID, "").partition(" ")[0]
         yield name, found.get(OutputCheck.RATE, ""), found.get(OutputCheck.GAP, ""), valid, f"{passed} of {len(checks)}"
+
+
+def text_table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    """Columns of text: lines with aligned columns; repeated cells of the first column are left out."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    last = ""
+    for row in rows:
+        first = "" if row[0] == last else row[0]
+        last = row[0]
+        yield "  ".join(cell.ljust(width) for cell, width in zip((first, *row[1:]), widths, strict=True)).rstrip()

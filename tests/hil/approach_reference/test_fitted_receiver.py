@@ -8,7 +8,7 @@ import pytest
 
 from fti.errors import ConfigError, MissingError
 from fti.hil.approach_reference.approaches import LASER, RA4500
-from fti.hil.approach_reference.fitted_file import fitted_receiver, read_fitted
+from fti.hil.approach_reference.fitted_receiver import make_receiver, read_fitted
 from fti.hil.approach_reference.receivers import ReceiverVariant, measure
 from fti.ranging.sensor import sensor_poses
 from fti.terrain.terrain import Terrain
@@ -33,14 +33,14 @@ def test_beam_bias_and_scale_are_those_of_the_file(tmp_path: Path, beam_deg: flo
     """The nearest point of a cone of the half width b lies at h / cos(45 deg - b)."""
     keys = read_fitted(written(tmp_path, f'model = "nearest"\nbeam_deg = {beam_deg}\nbias_m = 2.0\nscale = 1.01\n'))
     nearest = HEIGHT_M / math.cos(BANK - math.radians(beam_deg / 2.0))
-    assert ranges(fitted_receiver(RA4500.sensor, keys)) == pytest.approx(1.01 * nearest + 2.0, rel=0.02)
+    assert ranges(make_receiver(RA4500.sensor, keys)) == pytest.approx(1.01 * nearest + 2.0, rel=0.02)
 
 
 def test_a_deeper_threshold_sees_farther_up(tmp_path: Path) -> None:
     """A leading edge at -20 dB hears ground that is nearer, farther off the boresight, than one at -3 dB."""
     values = [
         ranges(
-            fitted_receiver(RA4500.sensor, read_fitted(written(tmp_path, f'model = "beam"\nthreshold_db = {level}\n')))
+            make_receiver(RA4500.sensor, read_fitted(written(tmp_path, f'model = "beam"\nthreshold_db = {level}\n')))
         )
         for level in (-20.0, -3.0)
     ]
@@ -48,7 +48,7 @@ def test_a_deeper_threshold_sees_farther_up(tmp_path: Path) -> None:
 
 
 def test_a_laser_stays_one(tmp_path: Path) -> None:
-    receiver = fitted_receiver(LASER.sensor, read_fitted(written(tmp_path, "bias_m = -0.5\n")))
+    receiver = make_receiver(LASER.sensor, read_fitted(written(tmp_path, "bias_m = -0.5\n")))
     assert ranges(receiver) == pytest.approx(HEIGHT_M / math.cos(BANK) - 0.5, abs=1e-3)
 
 
