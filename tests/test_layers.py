@@ -16,7 +16,7 @@ from tests.helpers import ROOT
 #: Modules that the recorder may import.
 BYTES_ONLY = ["fti.messages", "fti.errors", "fti.clock", "fti.config", "fti.canframe", "fti.buffers", "fti.links"]
 BYTES_ONLY += ["fti.buffers.triple_buffer", "fti.buffers.ring", "fti.logger.raw_log"]
-HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "aiomqtt", "foxglove", "pyproj", "pymavlink"]
+HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "foxglove", "pyproj", "pymavlink"]
 HEAVY += ["pyarrow"]
 UNDERSTANDING = ["fti.drivers", "fti.formats", "fti.nav", "fti.ranging", "fti.terrain", "fti.web", "fti.bus", "fti.hil"]
 
