@@ -4,31 +4,42 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
-
-def seconds(text: str) -> float:
-    """A time [s], 0 or more."""
-    value = _number(text)
-    if not 0.0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text}: must be 0 or more seconds")
-    return value
+MIN_POSITIVE, MAX_FINITE = math.ulp(0.0), sys.float_info.max
 
 
-def factor(text: str) -> float:
-    """A factor above 0."""
-    value = _number(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text}: must be more than 0")
-    return value
+def number(low: float, high: float, allowed: str) -> Callable[[str], float]:
+    """The type of a number in [low, high].  allowed : the allowed values as text"""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r}: must be {allowed}")
+        return value
+
+    return parse
 
 
-def count(text: str) -> int:
-    """A whole number, 1 or more."""
-    if not text.isascii() or not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text}: must be a whole number, 1 or more")
-    return int(text)
+def whole_number(low: int, high: int | None = None) -> Callable[[str], int]:
+    """The type of a whole number from low to high, or without upper limit."""
+
+    def parse(text: str) -> int:
+        if not text.isascii() or not text.isdigit() or int(text) < low or (high is not None and int(text) > high):
+            allowed = f", {low} or more" if high is None else f" from {low} to {high}"
+            raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number{allowed}")
+        return int(text)
+
+    return parse
+
+
+seconds = number(0.0, MAX_FINITE, "0 or more seconds")
+factor = number(MIN_POSITIVE, MAX_FINITE, "a number above 0")
 
 
 def new_file(*suffixes: str) -> Callable[[str], Path]:
@@ -46,10 +57,3 @@ def new_file(*suffixes: str) -> Callable[[str], Path]:
 
 
 picture = new_file(".png", ".svg")
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a number") from None

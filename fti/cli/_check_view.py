@@ -22,8 +22,11 @@ def lines(description: dict[str, Any]) -> Iterator[str]:
             f"snapshot from {snapshot['before_s']:g} s before a trigger to {snapshot['after_s']:g} s after it{also}; "
             f"{snapshot['max_mb']:g} MB hold {snapshot['holds_s']:g} s of all links at their full rates"
         )
-    tables = {
-        "storage": [_place_cells(place) for place in description["storage"]],
+    tables: dict[str, list[tuple[str, ...]]] = {
+        "storage": [
+            (p["role"], p["directory"], f"on {p['medium']}", p["fault"] or f"{p['free_mb']:.0f} MB free")
+            for p in description["storage"]
+        ],
         "links": [_link_cells(link) for link in description["links"]],
         "devices": [_device_cells(device) for device in description["devices"]],
         "roles": list(_role_cells(description)),
@@ -40,16 +43,12 @@ def lines(description: dict[str, Any]) -> Iterator[str]:
         yield f"hint: {hint}"
     if "live" in description:
         yield "now"
-        yield from table_lines([_live_cells(name, link) for name, link in description["live"].items()])
-
-
-def _live_cells(name: str, link: dict[str, Any]) -> tuple[str, ...]:
-    return (name, link["state"], f"{link['frames']} frames, {link['bytes']} bytes", link["hint"])
-
-
-def _place_cells(place: dict[str, Any]) -> tuple[str, ...]:
-    space = place["fault"] or f"{place['free_mb']:.0f} MB free"
-    return (place["role"], place["directory"], f"on {place['medium']}", space)
+        yield from table_lines(
+            [
+                (name, link["state"], f"{link['frames']} frames, {link['bytes']} bytes", link["hint"])
+                for name, link in description["live"].items()
+            ]
+        )
 
 
 def _link_cells(link: dict[str, Any]) -> tuple[str, ...]:

@@ -80,29 +80,17 @@ def print_notice(text: str) -> None:
 def print_report(report: TransmissionReport) -> None:
     """Print sent and dropped messages and lateness of each link, and whether each device held its rate."""
     for name, link in sorted(report.links.items()):
-        dropped = (
-            f", {link.dropped_messages} dropped ({_loss_reason(link.too_slow_messages)})"
-            if link.dropped_messages
-            else ""
-        )
+        reason = f"the line was too slow for {link.too_slow_messages}" if link.too_slow_messages else "no reader"
+        dropped = f", {link.dropped_messages} dropped ({reason})" if link.dropped_messages else ""
         late = f"; late by {_lateness_text(report.link_lateness[name])}" if name in report.link_lateness else ""
         print_line(f"{name:20} {link.messages} messages, {link.bytes} bytes{dropped}{late}")
     for rate in report.rates:
         sent_hz = "-" if rate.sent_hz is None else f"{rate.sent_hz:.2f}"
-        print_line(
-            f"{rate.name:20} {rate.asked_hz:g} Hz requested, {sent_hz} Hz sent, held: {_held_text(report, rate.name)}"
-        )
+        held = "no" if any(problem.startswith(f"{rate.name}: ") for problem in report.problems) else "yes"
+        print_line(f"{rate.name:20} {rate.asked_hz:g} Hz requested, {sent_hz} Hz sent, held: {held}")
     for problem in report.problems:
         print_line(f"not held: {problem}")
     print_line(f"lateness of {report.lateness.messages} messages: {_lateness_text(report.lateness)}")
-
-
-def _loss_reason(too_slow: int) -> str:
-    return f"the line was too slow for {too_slow}" if too_slow else "no reader"
-
-
-def _held_text(report: TransmissionReport, device: str) -> str:
-    return "no" if any(problem.startswith(f"{device}: ") for problem in report.problems) else "yes"
 
 
 def _lateness_text(late: LatencySummary) -> str:

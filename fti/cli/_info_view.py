@@ -13,7 +13,7 @@ from fti.logger.reading.session_metadata import remarks
 from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
 from fti.messages.topics import RAW_PREFIX, TICK_TOPIC
-from fti.post.overview import CONTINUOUS, SECOND_NS, FileState, Overview
+from fti.post.overview import CONTINUOUS, SECOND_NS, Overview
 
 BARS = "·▁▂▃▄▅▆▇█"
 USUAL_BAR = 6  # height for rates near the median
@@ -96,15 +96,11 @@ def _row(view: Overview, topic: TopicStatistics) -> tuple[str, ...]:
         size_text(topic.bytes),
         _number(topic.rate_hz, 2),
         _number(view.rates.get(topic.topic), 0, ""),
-        _number(_ms(intervals.sd_s), 2),
-        _number(_ms(intervals.p99_s), 1),
+        _number(intervals.sd_s and 1000.0 * intervals.sd_s, 2),
+        _number(intervals.p99_s and 1000.0 * intervals.p99_s, 1),
         _number(max_gap and max_gap.length_ns / SECOND_NS, 3),
         str(intervals.gap_count or ""),
     )
-
-
-def _ms(seconds: float | None) -> float | None:
-    return None if seconds is None else 1000.0 * seconds
 
 
 def _number(value: float | None, digits: int, unknown: str = "-") -> str:
@@ -123,12 +119,9 @@ def _activity(view: Overview) -> Iterator[str]:
     end = f"{view.duration_s:.1f} s"
     yield f"{'activity':{width}}  0 s{end:>{cells - 3}}"
     for topic in topics:
-        yield f"{topic.topic:{width}}  {activity_bar(_relative(view, topic, cells))}"
-
-
-def _relative(view: Overview, topic: TopicStatistics, cells: int) -> list[float]:
-    usual_ns = (topic.intervals.usual_s or 0.0) * SECOND_NS
-    return topic.activity.relative(view.begin_ns, view.end_ns, cells, usual_ns)
+        usual_ns = (topic.intervals.usual_s or 0.0) * SECOND_NS
+        rates = topic.activity.relative(view.begin_ns, view.end_ns, cells, usual_ns)
+        yield f"{topic.topic:{width}}  {activity_bar(rates)}"
 
 
 def activity_bar(rates: Sequence[float]) -> str:
@@ -255,20 +248,25 @@ def as_json(view: Overview) -> dict[str, Any]:
         "metadata": recording.metadata,
         "attachments": {name: len(data) for name, data in recording.attachments().items()},
         "links": recording.links,
-        "files": [_file_json(file) for file in view.files],
+        "files": [
+            {
+                "name": file.path.name,
+                "folder": str(file.path.parent),
+                "bytes": file.bytes,
+                "finished": file.finished,
+                "compression": file.compression,
+                "fault": file.fault,
+            }
+            for file in view.files
+        ],
         "topics": [_topic_json(view, topic) for topic in view.statistics.topics],
         "alarms": [
             {**asdict(span), "begin_s": view.since_begin_s(span.begin_ns)} for span in view.statistics.alarms.spans
         ],
         "more_alarms": view.statistics.alarms.more_alarms,
-        "events": _events_json(view, view.statistics.events),
+        "events": [{**event._asdict(), "t_s": view.since_begin_s(event.t_ns)} for event in view.statistics.events],
         "more_events": view.statistics.more_events,
     }
-
-
-def _file_json(file: FileState) -> dict[str, Any]:
-    state = {"finished": file.finished, "compression": file.compression, "fault": file.fault}
-    return {"name": file.path.name, "folder": str(file.path.parent), "bytes": file.bytes, **state}
 
 
 def _topic_json(view: Overview, topic: TopicStatistics) -> dict[str, Any]:
@@ -299,7 +297,3 @@ def _gaps_json(view: Overview, gaps: Iterable[TimeGap]) -> list[dict[str, Any]]:
         {"begin_ns": g.begin_ns, "begin_s": view.since_begin_s(g.begin_ns), "length_s": g.length_ns / SECOND_NS}
         for g in gaps
     ]
-
-
-def _events_json(view: Overview, events: Iterable[EventNote]) -> list[dict[str, Any]]:
-    return [{**event._asdict(), "t_s": view.since_begin_s(event.t_ns)} for event in events]

@@ -21,7 +21,7 @@ def in_foreground(descriptor: int) -> bool:
 
 @contextlib.contextmanager
 def handle_keys(actions: Mapping[str, Callable[[], None]], descriptor: int | None = None) -> Iterator[bool]:
-    """Call the action of each key that is on_input while the block runs; yields False where no keys can be read.
+    """Call the action of each key that is pressed while the block runs; yields False where no keys can be read.
 
     descriptor : of the terminal; None : standard input
     """
@@ -32,7 +32,8 @@ def handle_keys(actions: Mapping[str, Callable[[], None]], descriptor: int | Non
 
     def on_input() -> None:
         for key in os.read(fd, 64).decode("ascii", "ignore"):
-            actions.get(key, _ignore_key)()
+            if key in actions:
+                actions[key]()
 
     before = termios.tcgetattr(fd)
     tty.setcbreak(fd, termios.TCSANOW)
@@ -43,7 +44,3 @@ def handle_keys(actions: Mapping[str, Callable[[], None]], descriptor: int | Non
     finally:
         loop.remove_reader(fd)
         termios.tcsetattr(fd, termios.TCSANOW, before)
-
-
-def _ignore_key() -> None:
-    """Any other key."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Callable
 from datetime import date
 from pathlib import Path
+
+from fti.cli._arguments import number, whole_number
 
 MAKE = """Make the reference of an approach: its profile and the limits of the tests.
 
@@ -73,7 +73,7 @@ def add_make(make: argparse.ArgumentParser) -> None:
         "of nav.altimeters); its alert limit is compared with the protection level",
     )
     make.add_argument(
-        "--beam", type=_within(0.1, 120.0, "deg"), metavar="DEG",
+        "--beam", type=number(0.1, 120.0, "0.1 to 120 deg"), metavar="DEG",
         help="full half-power width of a radar's beam as its data sheet states it (default: of --config, else 40)",
     )  # fmt: skip
     make.add_argument(
@@ -84,19 +84,19 @@ def add_make(make: argparse.ArgumentParser) -> None:
         "instrument is known to have (default: drawn)",
     )
     make.add_argument(
-        "--nav-vertical-sd", type=_within(0.1, 50.0, "m"), default=3.0, metavar="M",
+        "--nav-vertical-sd", type=number(0.1, 50.0, "0.1 to 50 m"), default=3.0, metavar="M",
         help="assumed sigma of the navigated height; as the receiver states it in flight (default: 3)",
     )  # fmt: skip
     make.add_argument(
-        "--nav-horizontal-sd", type=_within(0.1, 50.0, "m"), default=5.0, metavar="M",
+        "--nav-horizontal-sd", type=number(0.1, 50.0, "0.1 to 50 m"), default=5.0, metavar="M",
         help="assumed sigma of the navigated horizontal position (default: 5)",
     )  # fmt: skip
     make.add_argument(
-        "--track-sd", type=_within(0.0, 50.0, "m"), default=15.0, metavar="M",
+        "--track-sd", type=number(0.0, 50.0, "0 to 50 m"), default=15.0, metavar="M",
         help="assumed sigma of the cross-track deviation from the published track (default: 15)",
     )  # fmt: skip
     make.add_argument(
-        "--elevation-sd", type=_within(0.0, 20.0, "m"), default=2.0, metavar="M",
+        "--elevation-sd", type=number(0.0, 20.0, "0 to 20 m"), default=2.0, metavar="M",
         help="assumed sigma of the elevation, over 30 m and over 300 m each (default: 2; surveyed surface model: 0.5)",
     )  # fmt: skip
     make.add_argument(
@@ -105,64 +105,40 @@ def add_make(make: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="receiver file of fti reference fit --out, instead of random receivers",
     )
-    make.add_argument("--s-max", type=_positive, default=7000.0, metavar="M", help="far end of the profile [m]")
-    make.add_argument("--runs", type=_count(20), default=2000, help="simulated nominal approaches (default: 2000)")
+    make.add_argument(
+        "--s-max",
+        type=number(1000.0, 50_000.0, "a length of 1000 to 50000 m"),
+        default=7000.0,
+        metavar="M",
+        help="far end of the profile [m]",
+    )
+    make.add_argument(
+        "--runs", type=whole_number(20), default=2000, help="simulated nominal approaches (default: 2000)"
+    )
     make.add_argument(
         "--beside-runs",
-        type=_count(2),
+        type=whole_number(2),
         default=100,
         metavar="N",
         help="approaches at each lateral offset from the track (default: 100)",
     )
     make.add_argument(
         "--obstacle-runs",
-        type=_count(0),
+        type=whole_number(0),
         default=100,
         metavar="N",
         help="approaches over obstacles of each width in each kilometre (default: 100); fewer than 99 do not prove a "
         "Pd of 0.97, 0: no table",
     )
-    make.add_argument("--draws", type=_count(5), default=100, help="random draws of the profile (default: 100)")
+    make.add_argument("--draws", type=whole_number(5), default=100, help="random draws of the profile (default: 100)")
     make.add_argument(
         "--pfa",
-        type=_probability,
+        type=number(1e-5, 0.1, "a probability of 0.00001 to 0.1"),
         default=0.01,
         metavar="P",
         help="false alarms per approach, all tests together (default: 0.01)",
     )
-    make.add_argument("--seed", type=_count(0), default=1, help="seed of the random numbers (default: 1)")
-
-
-def _count(minimum: int) -> Callable[[str], int]:
-    def parse(text: str) -> int:
-        if not text.isdecimal() or int(text) < minimum:
-            raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number, {minimum} or more")
-        return int(text)
-
-    return parse
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 1000.0 <= value <= 50_000.0:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a length of 1000 to 50000 m")
-    return value
-
-
-def _within(minimum: float, maximum: float, unit: str) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not minimum <= value <= maximum:
-            raise argparse.ArgumentTypeError(f"{text!r}: must be {minimum:g} to {maximum:g} {unit}")
-        return value
-
-    return parse
+    make.add_argument("--seed", type=whole_number(0), default=1, help="seed of the random numbers (default: 1)")
 
 
 def _date(text: str) -> str:
@@ -173,13 +149,3 @@ def _date(text: str) -> str:
     if day != text:
         raise argparse.ArgumentTypeError(f"{text!r}: must be a date, YYYY-MM-DD")
     return text
-
-
-def _probability(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 1e-5 <= value <= 0.1:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a probability of 0.00001 to 0.1")
-    return value

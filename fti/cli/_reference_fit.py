@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fti.cli._arguments import picture
+from fti.cli._arguments import picture, whole_number
 from fti.cli._printing import print_json, print_line, print_lines
 from fti.errors import ConfigError, MissingError
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from fti.config import Config, Device
     from fti.hil.approach_reference.fit_samples import FitSamples
     from fti.hil.approach_reference.fitted_receiver import FittedReceiver
-    from fti.terrain.terrain import Terrain
 
 FIT = """Estimate the receiver parameters of an altimeter from recorded flights over known terrain.
 
@@ -57,7 +56,11 @@ def add_fit(fit: argparse.ArgumentParser) -> None:
         "--model", choices=["auto", "nearest", "beam"], default="auto", help="receiver model (default: auto, best fit)"
     )
     fit.add_argument(
-        "--samples", type=_count, default=1000, metavar="N", help="samples, evenly spread over all flights (1000)"
+        "--samples",
+        type=whole_number(50, 100_000),
+        default=1000,
+        metavar="N",
+        help="samples, evenly spread over all flights (1000)",
     )
     fit.add_argument("--out", type=Path, metavar="FILE", help="write the keys for [device.altimeter] (TOML)")
     fit.add_argument(
@@ -66,18 +69,13 @@ def add_fit(fit: argparse.ArgumentParser) -> None:
     fit.add_argument("--json", action="store_true", help="print one JSON object")
 
 
-def _count(text: str) -> int:
-    if not text.isdecimal() or not 50 <= int(text) <= 100_000:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from 50 to 100000")
-    return int(text)
-
-
 def fit(args: argparse.Namespace) -> int:
     """Fit, print, write."""
     from fti.cli._read_report import progress_bar
     from fti.cli._reference_fit_plot import draw_fit
     from fti.hil.approach_reference.fitted_receiver import as_toml, fit_receiver
     from fti.plot_style import write_figure
+    from fti.service.navigation.terrain_loader import load_terrain
 
     if args.out is not None:
         check_output_path(args.out)
@@ -85,10 +83,16 @@ def fit(args: argparse.Namespace) -> int:
         reading, loading = bar.add_task("recordings", total=len(args.sessions)), bar.add_task("terrain", total=1.0)
         fitting = bar.add_task("fit", total=1.0)
         device, samples = _read(args, lambda n: bar.update(reading, completed=n))
-        terrain = _load_terrain(args, lambda share: bar.update(loading, completed=share))
+        settings = _config_of(args, args.sessions[0]).nav.terrain
+        if settings is None:
+            where = args.config or args.sessions[0]
+            raise MissingError(f"{where}: nav.terrain: is missing; a fit needs known terrain (--config)")
+        loaded = load_terrain(
+            settings, lambda share: bar.update(loading, completed=share), local_only=args.config is None
+        )
         receiver = fit_receiver(
             device,
-            terrain,
+            loaded.terrain,
             samples,
             models=("nearest", "beam") if args.model == "auto" else (args.model,),
             count=args.samples,
@@ -99,7 +103,8 @@ def fit(args: argparse.Namespace) -> int:
     else:
         print_lines(_as_text(receiver, args))
     if args.out is not None:
-        _write(args.out, as_toml(receiver, args.sensor, [str(session) for session in args.sessions]))
+        write_output(args.out, as_toml(receiver, args.sensor, [str(session) for session in args.sessions]))
+        print_line(args.out)
     if args.plot is not None:
         write_figure(lambda: draw_fit(receiver, args.sensor), args.plot)
     return 0
@@ -151,24 +156,13 @@ def _mounting(device: Device) -> tuple[object, ...]:
     return device.altimeter.kind, device.lever_arm_b, device.rpy_bs_deg
 
 
-def _load_terrain(args: argparse.Namespace, progress: Any) -> Terrain:
-    from fti.service.navigation.terrain_loader import load_terrain
-
-    settings = _config_of(args, args.sessions[0]).nav.terrain
-    if settings is None:
-        raise MissingError(
-            f"{args.config or args.sessions[0]}: nav.terrain: is missing; a fit needs known terrain (--config)"
-        )
-    return load_terrain(settings, progress, local_only=args.config is None).terrain
-
-
-def _write(out: Path, text: str) -> None:
+def write_output(out: Path, text: str) -> None:
+    """Write a file, and the folders above it.  Raises ConfigError."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{out}: cannot be written: {error.strerror}") from None
-    print_line(out)
 
 
 _DIGITS = {"beam_deg": 2, "threshold_db": 1, "bias_m": 2, "scale": 4}

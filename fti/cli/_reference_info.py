@@ -11,7 +11,7 @@ from fti.hil.approach_reference.analytic_limits import theoretical_limits
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.assumptions import Assumptions
 from fti.nav.integrity.ground_track import TrackLeg
-from fti.nav.integrity.reference import ApproachReference, Detection, Limits, Obstacles, min_level_v
+from fti.nav.integrity.reference import ApproachReference, Detection, Obstacles, min_level_v
 
 PLOT_ROWS, PLOT_COLUMNS = 16, 96
 
@@ -20,6 +20,9 @@ def summary(reference: ApproachReference) -> list[str]:
     """The header as lines of text."""
     header = reference.header
     airfield, profile, limits = header.airfield, header.profile, header.limits
+    templates = "single bins (old format; make the reference again to detect smaller obstacles)"
+    if limits.t4_widths_m is not None:
+        templates = "templates of " + ", ".join(f"{width:g}" for width in limits.t4_widths_m) + " m"
     return [
         f"airfield     {airfield.name}, surveyed {airfield.survey_date}",
         f"glide path   {airfield.glide_deg} deg, course {airfield.course_deg} deg, TCH {airfield.tch_m} m",
@@ -36,7 +39,7 @@ def summary(reference: ApproachReference) -> list[str]:
         *_assumptions(header.assumptions),
         f"verified     an alarm on {limits.verified_alarms} of {limits.verified_runs} other approaches",
         *_lateral_detection(header.detection),
-        f"T4 is of     {_templates(limits)}",
+        f"T4 is of     {templates}",
         *_obstacles(header.obstacles),
         f"PL_v         {min_level_v(reference):.1f} m minimum; nav.approach.alert_v_m must not be smaller",
         f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
@@ -77,13 +80,6 @@ def _lateral_detection(detection: Detection | None) -> Iterator[str]:
     yield f"{'offset':>12} " + "".join(f"{s:7.0f}" for s in detection.s_m) + "  m and less before the intercept point"
     for y, row in zip(detection.y_m, detection.pd, strict=True):
         yield f"{y:10.0f} m " + "".join(f"{100 * pd:6.1f}%" for pd in row) + "  of the windows are over a limit"
-
-
-def _templates(limits: Limits) -> str:
-    """The templates of T4."""
-    if limits.t4_widths_m is None:
-        return "single bins (old format; make the reference again to detect smaller obstacles)"
-    return "templates of " + ", ".join(f"{width:g}" for width in limits.t4_widths_m) + " m"
 
 
 def _obstacles(obstacles: Obstacles | None) -> Iterator[str]:

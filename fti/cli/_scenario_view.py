@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from fti.cli._check_view import table_lines
 
 if TYPE_CHECKING:
-    from fti.config import Config
     from fti.hil.oracle.flag_definitions import ExpectedFlag, FaultFlags
     from fti.hil.oracle.required_outputs import RequiredOutput
     from fti.hil.oracle.scenario_check import ScenarioCheck
@@ -24,18 +23,13 @@ def describe(check: ScenarioCheck) -> dict[str, Any]:
         "title": scenario.title,
         "flight": {"kind": scenario.flight.kind, "duration_s": round(check.duration_s, 3)},
         "config": check.config.path,
-        "devices": list(_devices(check.config)),
+        "devices": [d.model_dump(include={"name", "link", "driver", "rate_hz"}) for d in check.config.device],
         "faults": [_fault(i, fault, check) for i, fault in enumerate(scenario.fault)],
         "expect": [expectation.model_dump() for expectation in scenario.expect],
         "outputs": [_output(output) for output in check.outputs],
         "limits": scenario.limits.model_dump(),
         "warnings": list(check.warnings),
     }
-
-
-def _devices(config: Config) -> Iterator[dict[str, Any]]:
-    for device in config.device:
-        yield {"name": device.name, "link": device.link, "driver": device.driver, "rate_hz": device.rate_hz}
 
 
 def _fault(index: int, fault: Fault, check: ScenarioCheck) -> dict[str, Any]:
@@ -120,15 +114,12 @@ def _fault_lines(description: dict[str, Any]) -> Iterator[str]:
     for fault in description["faults"]:
         span = "all the time" if fault["from_s"] is None else f"{fault['from_s']:g} s to {fault['to_s']:g} s"
         yield f"  {fault['fault'] + 1}  {fault['what']}, {span}"
-        rows = [row for subject in fault["subjects"] for row in _subject_rows(subject)]
+        rows: list[tuple[str, ...]] = []
+        for subject in fault["subjects"]:
+            if subject["no_flag"]:
+                rows.append((subject["subject"], "no flag is expected:", subject["no_flag"], "", "", ""))
+            rows += [(subject["subject"], *_flag_cells(flag)) for flag in subject["flags"]]
         yield from ("   " + line for line in table_lines(rows or [NOTHING]))
-
-
-def _subject_rows(subject: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    if subject["no_flag"]:
-        yield (subject["subject"], "no flag is expected:", subject["no_flag"], "", "", "")
-    for flag in subject["flags"]:
-        yield (subject["subject"], *_flag_cells(flag))
 
 
 def _flag_cells(flag: dict[str, Any]) -> tuple[str, ...]:
@@ -139,21 +130,13 @@ def _flag_cells(flag: dict[str, Any]) -> tuple[str, ...]:
     return (word, flag["place"], raised, cleared, ", ".join(filter(None, notes)))
 
 
-def _expect_lines(description: dict[str, Any]) -> Iterator[str]:
-    yield from table_lines([_expect_cells(row) for row in description["expect"]])
-
-
-def _expect_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+def _expect_cells(row: dict[str, Any]) -> tuple[str, ...]:
     band = f" +{row['plus']:g} -{row['minus']:g}" if row["plus"] or row["minus"] else ""
     value = str(row["value"]).lower() if isinstance(row["value"], bool) else str(row["value"])
     return (row["channel"], f"= {value}{band}", f"from {row['at_s']:g} s", f"within {row['within_s']:g} s")
 
 
-def _output_lines(description: dict[str, Any]) -> Iterator[str]:
-    yield from table_lines([_output_cells(row) for row in description["outputs"]])
-
-
-def _output_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+def _output_cells(row: dict[str, Any]) -> tuple[str, ...]:
     high = "or more" if row["most_hz"] is None else f"to {row['most_hz']:g}"
     return (row["topic"], f"{row['least_hz']:g} {high} Hz", f"gaps up to {row['gap_s']:g} s", ", ".join(row["devices"]))
 
@@ -162,6 +145,8 @@ def _output_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 SECTIONS: Mapping[str, Callable[[dict[str, Any]], Iterator[str]]] = {
     "devices": _device_lines,
     "faults and the flags that they must raise": _fault_lines,
-    "expect": _expect_lines,
-    "outputs, while their devices are good": _output_lines,
+    "expect": lambda description: table_lines([_expect_cells(row) for row in description["expect"]]),
+    "outputs, while their devices are good": lambda description: table_lines(
+        [_output_cells(row) for row in description["outputs"]]
+    ),
 }

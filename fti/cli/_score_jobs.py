@@ -104,16 +104,17 @@ def _match_flights(
     except ConfigError:
         raise
     except FtiError as error:
-        yield Job(str(recording.path), partial(_fail, error)), set()
+        failure = error
+
+        def fail() -> list[Score]:
+            raise failure
+
+        yield Job(str(recording.path), fail), set()
         return
     for file, scenarios in flights:
         for name, scenario in named.items():
             if any(scenario is one for one in scenarios):
                 yield Job(name, partial(_score_session, recording, scenario, [file], setup)), {name}
-
-
-def _fail(error: FtiError) -> list[Score]:
-    raise error
 
 
 def _truths(recording: Recording, setup: Path | None) -> list[Path]:

@@ -72,13 +72,9 @@ def _banner(health: Fields) -> Text:
     text.append(state, SESSION_STYLES.get(state, "bold red"))
     size_mb = (storage.get("file_bytes") or 0) / 1e6
     text.append(f"  {size_mb:.1f} MB, {_number(storage.get('free_mb'), 0)} MB free")
-    return text.append(_delay(health.get("navigation", {})))
-
-
-def _delay(navigation: Fields) -> str:
-    """Latency from a frame's timestamp to the outputs."""
-    delay = navigation.get("output_delay")
-    return f"  outputs p50 {_number(delay['p50_ms'], 0)}, p99 {_number(delay['p99_ms'], 0)} ms" if delay else ""
+    if delay := health.get("navigation", {}).get("output_delay"):
+        text.append(f"  outputs p50 {_number(delay['p50_ms'], 0)}, p99 {_number(delay['p99_ms'], 0)} ms")
+    return text
 
 
 def _alarms(alarms: list[Fields]) -> Iterator[Text]:
@@ -103,20 +99,17 @@ def _laboratory(hil: Fields | None) -> Iterator[Text]:
     held = "rates held" if hil["holds"] else f"rates of {len(hil['not_held'])} devices not held"
     text.append(f"  {held}", style or ("green" if hil["holds"] else "yellow"))
     yield text.append(f"  SILENT for {hil['age_ms'] / 1000:.0f} s", "red") if hil["late"] else text
-    if troubles := [*_open_breakers(hil["devices"]), *map(_fault_text, hil["faults"])]:
+    troubles = [
+        f"{name} {str(device['breaker']).upper().replace('_', ' ')}"
+        for name, device in hil["devices"].items()
+        if device["breaker"] not in (None, "on")
+    ]
+    for fault in hil["faults"]:
+        on = f"{', '.join(fault['on'])}: " if fault["on"] else ""
+        until = f" until {_number(fault['until_s'], 0)} s" if fault["until_s"] is not None else ""
+        troubles.append(f"{on}{fault['words']}{until}")
+    if troubles:
         yield Text("   " + "; ".join(troubles), style or "yellow")
-
-
-def _open_breakers(devices: Fields) -> Iterator[str]:
-    for name, device in devices.items():
-        if device["breaker"] not in (None, "on"):
-            yield f"{name} {str(device['breaker']).upper().replace('_', ' ')}"
-
-
-def _fault_text(fault: Fields) -> str:
-    on = f"{', '.join(fault['on'])}: " if fault["on"] else ""
-    until = f" until {_number(fault['until_s'], 0)} s" if fault["until_s"] is not None else ""
-    return f"{on}{fault['words']}{until}"
 
 
 def _outputs(outputs: Fields) -> Table:
@@ -143,17 +136,13 @@ def _outputs(outputs: Fields) -> Table:
             sigma = _sigma(found.get("vertical_sd"), "m")
             source = str(found.get("mode") or found.get("altitude_source") or found.get("altimeter") or "")
             _add(table, name, found, (_metres(found["alt"], 1), sigma, source))
-    _add_provisional(table, outputs)
-    return table
-
-
-def _add_provisional(table: Table, outputs: Fields) -> None:
-    """Offset of the filter with each unconfirmed source; a late solution has ended and is left out."""
+    # The offset of the filter with each unconfirmed source; a late solution has ended and is left out.
     for topic, found in outputs.items():
         if topic.startswith(PROVISIONAL) and not found["late"]:
             offset = f"{_metres(found['distance'], 0)} off, height {_metres(found['height_difference'], 0, '+')}"
             values = (offset, _sigma(found["horizontal_sd"], "m"), f"HPL {_metres(found['hpl'], 0)}")
             _add(table, f"  {topic.removeprefix(PROVISIONAL)}, provisional", found, values)
+    return table
 
 
 def _over_ground(output: Fields) -> tuple[str | Text, ...]:
@@ -177,25 +166,19 @@ def _add_solution(table: Table, output: Fields) -> None:
     altitude = _metres(output.get("alt"), 1)
     roles = (("position", "", "horizontal_sd"), ("altitude", altitude, "vertical_sd"), ("attitude", "", ""))
     levels = {
-        "position": _level("HPL", output.get("hpl")),
-        "altitude": _level("VPL", output.get("vpl")),
-        "attitude": _angle("tilt PL", output.get("tilt_pl")) + _angle("heading PL", output.get("heading_pl")),
+        "position": f", HPL {_metres(output['hpl'], 0)}" if output.get("hpl") is not None else "",
+        "altitude": f", VPL {_metres(output['vpl'], 0)}" if output.get("vpl") is not None else "",
+        "attitude": "".join(
+            f", {name} {math.degrees(level):.1f}°"
+            for name, level in (("tilt PL", output.get("tilt_pl")), ("heading PL", output.get("heading_pl")))
+            if level is not None
+        ),
     }
     for role, value, sigma in roles:
         source = f"from {output.get(f'{role}_source') or UNKNOWN}{levels.get(role, '')}"
         cells = (value, _sigma(output.get(sigma), "m"), source)
         table.add_row(Text(role, "bold"), *(Text(text, style) for text in cells), verdict)
         verdict = Text()
-
-
-def _level(name: str, metres: float | None) -> str:
-    """A protection level as text behind a source."""
-    return "" if metres is None else f", {name} {_metres(metres, 0)}"
-
-
-def _angle(name: str, level: float | None) -> str:
-    """The same for an angle [rad]."""
-    return "" if level is None else f", {name} {math.degrees(level):.1f}°"
 
 
 def _verdict(output: Fields) -> Text:

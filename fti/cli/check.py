@@ -37,7 +37,6 @@ from fti.messages.reasons import Reason
 if TYPE_CHECKING:
     from fti.cli._checked_file import CheckedFile
     from fti.config import CanLink, Config, Device, SerialLink, UdpLink
-    from fti.devices import BoundDevice
 
 LIVE_DURATION_S = 5.0
 SECOND_NS = 1_000_000_000
@@ -143,11 +142,19 @@ def describe(config: Config) -> dict[str, Any]:
     session = config.session
     return {
         "config": config.path,
-        "session": {**session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb", "mode"})},
+        "session": session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb", "mode"}),
         "storage": _describe_storage(config),
         "snapshot": _describe_snapshot(config),
         "links": [_describe_link(link, config.devices_on(link.name)) for link in config.link],
-        "devices": [_describe_device(bound) for bound in bind_devices(config)],
+        "devices": [
+            {
+                **bound.device.model_dump(
+                    include={"name", "link", "driver", "rate_hz", "max_age_ms", "use_device_time"}
+                ),
+                "document": bound.driver.DOCUMENT,
+            }
+            for bound in bind_devices(config)
+        ],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
         "terrain": list(describe_terrain(config)),
         "terrain_layers": list(describe_layers(config)),
@@ -208,22 +215,20 @@ def _describe_snapshot(config: Config) -> dict[str, float] | None:
 
 
 def _missing(config: Config) -> Iterator[dict[str, str]]:
+    """Roles without a device, and the reason of their outputs."""
+    from fti.devices import check_reference, read_texts
+    from fti.nav.integrity.approach_channel import idle_reason
+
     for role, reason in ROLES.items():
         if not getattr(config.nav, role):
             yield {"role": role, "reason": reason.value}
     if config.nav.approach is None:
         yield {"role": "approach", "reason": Reason.NO_PROFILE.value}
-    elif config.nav.altimeters and (unfit := _unfit_altimeter(config)):
-        yield {"role": "approach", "reason": unfit.value}
-
-
-def _unfit_altimeter(config: Config) -> Reason | None:
-    """Why no altimeter of navigation matches the approach reference; None: one matches."""
-    from fti.devices import check_reference, read_texts
-    from fti.nav.integrity.approach_channel import idle_reason
-
-    reference = check_reference(config, read_texts(config))
-    return None if reference is None else idle_reason(config, reference)
+    elif config.nav.altimeters:
+        reference = check_reference(config, read_texts(config))
+        unfit = None if reference is None else idle_reason(config, reference)  # no altimeter matches the reference
+        if unfit:
+            yield {"role": "approach", "reason": unfit.value}
 
 
 def _shared_ports(config: Config) -> Iterator[str]:
@@ -249,19 +254,6 @@ def _describe_link(link: SerialLink | UdpLink | CanLink, devices: Sequence[Devic
         "devices": [d.name for d in devices],
         "stall_s": round(stall, 1),
         "stall_at": load.words,
-    }
-
-
-def _describe_device(bound: BoundDevice) -> dict[str, Any]:
-    device = bound.device
-    return {
-        "name": device.name,
-        "link": device.link,
-        "driver": device.driver,
-        "document": bound.driver.DOCUMENT,
-        "rate_hz": device.rate_hz,
-        "max_age_ms": device.max_age_ms,
-        "use_device_time": device.use_device_time,
     }
 
 

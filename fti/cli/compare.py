@@ -47,10 +47,7 @@ def run(args: argparse.Namespace) -> int:
     first, *others = (_hashes(recording, args.only) for recording in sessions)
     second = others[0] if others else None
     verdicts = {} if second is None else {link: _verdict(first.get(link), second.get(link)) for link in first | second}
-    if args.json:
-        print_json(_as_json(first, second, verdicts))
-    else:
-        print_lines(_as_text(first, second, verdicts))
+    print_json(_as_json(first, second, verdicts)) if args.json else print_lines(_as_text(first, second, verdicts))
     if any(verdict != "EQUAL" for verdict in verdicts.values()):
         return 1
     for recording in sessions:

@@ -158,7 +158,8 @@ def reads(driver: Driver, capture: BufferedReader, chunk: int) -> Reads:
     if CANDUMP.match(beginning):
         return candump_frames((line.decode("ascii", errors="replace") for line in capture), file)
     if TEXT.fullmatch(beginning):
-        raise ConfigError(f"{file}: is text but not a candump -L log: {_first_line(beginning)!r}")
+        first = beginning.decode("ascii").strip().partition("\n")[0][:60]
+        raise ConfigError(f"{file}: is text but not a candump -L log: {first!r}")
     return _pieces(capture, CAN_FRAME)
 
 
@@ -166,10 +167,6 @@ def _pieces(capture: BufferedReader, size: int) -> Reads:
     """The bytes to the end, ``size`` at a time."""
     while data := capture.read(size):
         yield 0, data
-
-
-def _first_line(text: bytes) -> str:
-    return text.decode("ascii").strip().partition("\n")[0][:60]
 
 
 def candump_frames(lines: Iterable[str], file: Path) -> Reads:

@@ -13,6 +13,7 @@ The recording is kept; the last line names its folder.
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from typing import TYPE_CHECKING
@@ -51,6 +52,9 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     with early_recorder() as recorder, tempfile.TemporaryDirectory(prefix="fti-demo-") as links:
+        import asyncio
+
+        from fti.cli.page import open_browser
         from fti.hil import scenario as scenarios
 
         scenario = scenarios.find(args.scenario)
@@ -58,8 +62,9 @@ def run(args: argparse.Namespace) -> int:
         config = _configure(file, text, links, args.out)
 
         async def fly(supervisor: Supervisor) -> None:
-            if not args.headless:
-                await _open_browser(supervisor)
+            if not args.headless and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+                await supervisor.display_ready.wait()
+                await asyncio.to_thread(open_browser, supervisor.run_dir)  # the address is printed in any case
             on_begin = _end_timer(args.duration)
             while True:
                 await _run_flight(scenario, file, links, supervisor, on_begin)
@@ -73,10 +78,18 @@ def _copy_on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:
 
     Two demonstrations must not receive each other's sensors.
     """
+    import socket
+
     from fti import config as configuration
 
     _, text = configuration.read_toml(file)
-    moved = BOUND_PORT.sub(lambda found: f'{found[1]}{_free_port()}"', text)
+
+    def on_free_port(found: re.Match[str]) -> str:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.bind(("127.0.0.1", 0))
+            return f'{found[1]}{sock.getsockname()[1]}"'
+
+    moved = BOUND_PORT.sub(on_free_port, text)
     moved = NAMED_FILE.sub(lambda found: f'{found[1]}"{(file.parent / found[2]).absolute()}"', moved)
     (folder / CONFIG).write_text(moved)
     return folder / CONFIG, moved
@@ -91,15 +104,6 @@ def _configure(file: Path, text: str, links: str, out: str) -> Config:
     config = configuration.parse(tomllib.loads(text), text, file)
     moved = configuration.with_session(configuration.with_links(config, links), directory=out, origin="hil")
     return moved.model_copy(update={"display": moved.display.model_copy(update={"port": 0})})
-
-
-def _free_port() -> int:
-    import socket
-
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        port: int = sock.getsockname()[1]
-        return port
 
 
 def _end_timer(duration_s: float | None) -> Callable[[], None]:
@@ -119,18 +123,6 @@ def _end_timer(duration_s: float | None) -> Callable[[], None]:
             ends.append(asyncio.get_running_loop().call_later(duration_s, flying.cancel))
 
     return on_begin
-
-
-async def _open_browser(supervisor: Supervisor) -> None:
-    """Open the page where there is a display; the address is printed in any case."""
-    import asyncio
-    import os
-
-    from fti.cli.page import open_browser
-
-    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        await supervisor.display_ready.wait()
-        await asyncio.to_thread(open_browser, supervisor.run_dir)
 
 
 async def _end(emulator: asyncio.subprocess.Process) -> None:

@@ -69,7 +69,9 @@ def _pydantic_errors() -> tuple[type[Exception], ...]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; an error is one sentence on standard error."""
-    _escape_unencodable()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # escape text that the terminal's encoding lacks
+            stream.reconfigure(errors="backslashreplace")
     args = argparse.Namespace(command="")
     try:
         return _run(argv, args)
@@ -107,13 +109,6 @@ def _run(argv: Sequence[str] | None, args: argparse.Namespace) -> int:
     except BrokenPipeError:  # the reader of the output has closed the pipe, as ``| head`` does
         sys.stderr.close()
         return 0
-
-
-def _escape_unencodable() -> None:
-    """Escape text that the terminal's encoding lacks (half of a surrogate pair, a file name of bytes)."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
 
 
 def _unexpected_error(args: argparse.Namespace, error: Exception) -> str:

@@ -51,9 +51,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _close(session: str) -> int:
+    """Close the files, then verify the session if one was open; 3 when a check fails or a file was left unchanged."""
     from fti.errors import RecordingError, StorageError
     from fti.logger.reading.recording import Recording
     from fti.logger.recovery.close_unfinished import close_unfinished
+    from fti.logger.verify.verification import verify
 
     code, is_changed = 0, False
     for path in Recording.open(session).files:
@@ -69,17 +71,8 @@ def _close(session: str) -> int:
         print_line(closed.describe_loss() or f"{path}: closed")
         print_line(f"{path}: holds {closed.messages} messages")
         is_changed = True
-    return max(code, _verify(session)) if is_changed else code
-
-
-def _verify(session: str) -> int:
-    """Verify a session whose files were closed; 3 when a check fails."""
-    from fti.logger.reading.recording import Recording
-    from fti.logger.verify.verification import verify
-
-    report = verify(Recording.open(session))
-    if report.holds:
-        return 0
+    if not is_changed or (report := verify(Recording.open(session))).holds:
+        return code
     print_lines(report.findings[:MAX_SHOWN])
     print_line(f"not proved complete; all findings: fti verify {session}")
     return 3

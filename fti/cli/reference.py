@@ -18,23 +18,26 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli._reference_arguments import MAKE, add_make
-from fti.cli._reference_fit import FIT, add_fit, check_output_path, fit
+from fti.cli._reference_fit import FIT, add_fit, check_output_path, fit, write_output
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
     from fti.hil.approach_reference.approaches import AltimeterModel, Spread
     from fti.hil.approach_reference.receivers import ReceiverVariant
     from fti.nav.integrity.approach import ApproachPath
     from fti.nav.integrity.reference import ApproachReference, Limits
     from fti.terrain.terrain import Terrain
 
+#: Shows the completed share of a kind of work.
+ShowShare = Callable[[str, float], None]
 #: Margin around the approach for which elevation is read [m]: lateral offsets of aircraft, and their beams.
 TERRAIN_MARGIN_M = 1500.0
 #: A larger post spacing below the track gives a warning [m]: two bins of the profile.
@@ -61,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
     )
     info = actions.add_parser("info", help="print and draw a reference")
-    info.add_argument("reference", type=Path, metavar="FILE")
+    info.add_argument("reference", type=Path, metavar="FILE", help="the reference (CSV)")
     info.add_argument("--json", action="store_true", help="print the header as JSON")
 
 
@@ -83,20 +86,17 @@ def _read(path: Path) -> str:
 
 
 def _make(args: argparse.Namespace) -> int:
+    from fti.cli._read_report import progress_bar
     from fti.cli._reference_altimeter import check_alert_limit, load, model_of
     from fti.nav.integrity.approach import ApproachPath, load_airfield
 
     config = load(args.config)
     path = ApproachPath(load_airfield(_read(args.airfield), str(args.airfield)))
     check_output_path(args.out)
-    with _Bars() as bars:
+    with progress_bar() as bar:
         make = _from_recordings if args.recorded else _from_terrain
-        reference = make(args, path, model_of(args, config), bars)
-    try:
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        args.out.write_text(reference.to_text(), encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{args.out}: cannot be written: {error.strerror}") from None
+        reference = make(args, path, model_of(args, config), _show_shares(bar))
+    write_output(args.out, reference.to_text())
     limits = reference.header.limits
     print_line(
         f"{args.out}: {len(reference.s)} points, {limits.runs} approaches, an alarm on {limits.verified_alarms} of "
@@ -121,7 +121,7 @@ def _limit_warnings(limits: Limits) -> Iterator[str]:
 
 
 def _from_terrain(
-    args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars
+    args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, show: ShowShare
 ) -> ApproachReference:
     from fti.hil.approach_reference.approaches import TerrainGround
     from fti.hil.approach_reference.calibration import make_reference
@@ -143,8 +143,8 @@ def _from_terrain(
         receiver="fitted" if receivers else args.receiver,
         receivers=len(receivers) or RECEIVERS,
     )
-    ground = TerrainGround(path, altimeter, _terrains(args, path, bars), receivers=receivers)
-    return make_reference(ground, options, bars.update, run_all)
+    ground = TerrainGround(path, altimeter, _terrains(args, path, show), receivers=receivers)
+    return make_reference(ground, options, show, run_all)
 
 
 def _apply_fit(
@@ -162,7 +162,7 @@ def _apply_fit(
 
 
 def _from_recordings(
-    args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars
+    args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, show: ShowShare
 ) -> ApproachReference:
     from fti.hil.approach_reference.options import ReferenceOptions
     from fti.hil.approach_reference.recorded_approaches import (
@@ -178,7 +178,7 @@ def _from_recordings(
     for number, folder in enumerate(args.recorded, start=1):
         check_sensor(folder, args.sensor, altimeter)
         passes += read_passes(folder, args.sensor, path, args.s_max)
-        bars.update("recordings", number / len(args.recorded))
+        show("recordings", number / len(args.recorded))
     profiles = profiles_of(passes, args.s_max)
     options = ReferenceOptions(
         surface=args.surface or args.sensor,
@@ -191,7 +191,7 @@ def _from_recordings(
         pfa=args.pfa,
         spread=_spread(args),
     )
-    return reference_from_recordings(path, altimeter, profiles, options, bars.update, run_all=run_all)
+    return reference_from_recordings(path, altimeter, profiles, options, show, run_all=run_all)
 
 
 def _spread(args: argparse.Namespace) -> Spread:
@@ -207,7 +207,7 @@ def _spread(args: argparse.Namespace) -> Spread:
     )
 
 
-def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tuple[Terrain, ...]:
+def _terrains(args: argparse.Namespace, path: ApproachPath, show: ShowShare) -> tuple[Terrain, ...]:
     """The demonstration's terrain with low to high vegetation, or the terrain of the files."""
     from fti.terrain.demo_scene import VEGETATION, demo_scene
     from fti.terrain.files.open_terrain import open_terrain
@@ -216,7 +216,7 @@ def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tupl
         scenes = []
         for height in VEGETATION:
             scenes.append(demo_scene(vegetation=height))
-            bars.update("terrain", len(scenes) / len(VEGETATION))
+            show("terrain", len(scenes) / len(VEGETATION))
         return tuple(scenes)
     lat, lon = path.to_geodetic(args.s_max / 2, 0.0)
     terrain = open_terrain(
@@ -224,7 +224,7 @@ def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tupl
         centre=(float(lat), float(lon)),
         radius_m=args.s_max / 2 + TERRAIN_MARGIN_M,
         vertical=args.vertical,
-        progress=lambda share: bars.update("terrain", share),
+        progress=lambda share: show("terrain", share),
     )
     _remark_on_posts(terrain, path, args)
     return (terrain,)
@@ -246,30 +246,16 @@ def _remark_on_posts(terrain: Terrain, path: ApproachPath, args: argparse.Namesp
         )
 
 
-class _Bars(AbstractContextManager["_Bars"]):
-    """A progress bar per kind of work, on standard error; nothing when that is not a terminal."""
+def _show_shares(bar: Progress) -> ShowShare:
+    """The function that shows the completed share of a kind of work, 0 to 1, each with a bar of its own."""
+    tasks: dict[str, TaskID] = {}
 
-    def __enter__(self) -> _Bars:
-        from rich.console import Console
-        from rich.progress import Progress, TaskID
+    def show(what: str, share: float) -> None:
+        if what not in tasks:
+            tasks[what] = bar.add_task(what, total=1.0)
+        bar.update(tasks[what], completed=share)
 
-        console = Console(stderr=True)
-        self._tasks: dict[str, TaskID] = {}
-        self._progress = Progress(console=console) if console.is_terminal else None
-        (self._progress or nullcontext()).__enter__()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        if self._progress:
-            self._progress.stop()
-
-    def update(self, what: str, share: float) -> None:
-        """Show the completed share, 0 to 1."""
-        if self._progress is None:
-            return
-        if what not in self._tasks:
-            self._tasks[what] = self._progress.add_task(what, total=1.0)
-        self._progress.update(self._tasks[what], completed=share)
+    return show
 
 
 def _info(args: argparse.Namespace) -> int:

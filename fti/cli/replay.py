@@ -43,7 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed", type=factor, default=1.0, metavar="X", help="speed factor (default: 1)")
     parser.add_argument("--from", type=seconds, default=0.0, dest="from_s", metavar="T", help="skip the first T s")
     parser.add_argument("--loop", action="store_true", help="repeat until interrupted")
-    parser.add_argument("--only", type=_names, default=(), metavar="LINK[,LINK]", help="only these links")
+    parser.add_argument(
+        "--only", type=lambda text: tuple(text.split(",")), default=(), metavar="LINK[,LINK]", help="only these links"
+    )
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--config", metavar="CONFIG", help="configuration, instead of the session's own")
     parser.add_argument(
@@ -59,10 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="wait S seconds after every port was opened (default: 0.5)",
     )
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(text.split(","))
 
 
 def run(args: argparse.Namespace) -> int:

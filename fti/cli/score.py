@@ -88,15 +88,16 @@ def run(args: argparse.Namespace) -> int:
     """Score every flight; 1 when one does not hold."""
     from fti.cli._read_report import report_faults
     from fti.post.score import junit
-    from fti.post.score.report import as_json_list, as_summary
+    from fti.post.score.comparison import Score
+    from fti.post.score.report import as_json_list, as_summary, as_text
 
     opened: list[Recording] = []
     jobs = _jobs(args, opened)
     scores: list[Score | UnscoredFlight] = []
     for score in _scores(jobs):
         scores.append(score)
-        if not args.json:
-            _print(score, first=len(scores) == 1)
+        if not args.json and isinstance(score, Score):
+            print_lines(["", *as_text(score)] if len(scores) > 1 else as_text(score))
     if args.json:
         print_json(list(as_json_list(scores)))
     elif len(jobs) > 1:
@@ -106,16 +107,10 @@ def run(args: argparse.Namespace) -> int:
         junit.write(scores, args.junit)
     for recording in opened:
         report_faults(recording)
-    return _exit_code(scores) or (EXIT_LOSSES if any(recording.faults for recording in opened) else 0)
-
-
-def _exit_code(scores: Sequence[Score | UnscoredFlight]) -> int:
-    """1 where a flight does not hold; else the exit code of the first flight that could not be scored."""
-    from fti.post.score.comparison import Score
-
     if any(isinstance(score, Score) and not score.holds for score in scores):
         return 1
-    return next((score.exit_code for score in scores if not isinstance(score, Score)), 0)
+    unscored = next((score.exit_code for score in scores if not isinstance(score, Score)), 0)
+    return unscored or (EXIT_LOSSES if any(recording.faults for recording in opened) else 0)
 
 
 def _jobs(args: argparse.Namespace, opened: list[Recording]) -> list[Job]:
@@ -159,15 +154,6 @@ def _scores(jobs: Sequence[Job]) -> Iterator[Score | UnscoredFlight]:
         except FtiError as error:
             print_line(f"fti: {job.name}: {error}", error=True)
             yield UnscoredFlight(job.name, str(error), EXIT_LOSSES if isinstance(error, RecordingError) else EXIT_WRONG)
-
-
-def _print(score: Score | UnscoredFlight, first: bool) -> None:
-    """Print the text of a score, after an empty line if it is not the first."""
-    from fti.post.score.comparison import Score
-    from fti.post.score.report import as_text
-
-    if isinstance(score, Score):
-        print_lines(as_text(score) if first else ["", *as_text(score)])
 
 
 def _draw(scores: Sequence[Score | UnscoredFlight], file: Path | None) -> None:

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """NAME, --list, --runs, --seed, --plots, --json."""
-    from fti.cli._arguments import count
+    from fti.cli._arguments import whole_number
 
     parser.add_argument("name", metavar="NAME", nargs="?", help="the study")
     parser.add_argument("--list", action="store_true", help="list the studies")
-    parser.add_argument("--runs", metavar="N", type=count, help="number of runs (default: the study's own)")
+    parser.add_argument("--runs", metavar="N", type=whole_number(1), help="number of runs (default: the study's own)")
     parser.add_argument("--seed", metavar="K", type=int, help="seed of the random numbers (default: the study's own)")
     parser.add_argument("--plots", metavar="DIR", type=Path, help="write the study's plots to DIR (PNG)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask cluster for the runs (default: local cores)")

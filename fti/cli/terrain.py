@@ -23,10 +23,11 @@ import argparse
 import math
 from typing import Any
 
-from fti.cli._arguments import picture
+from fti.cli._arguments import MIN_POSITIVE, number, picture
 from fti.cli._printing import print_json, print_line, print_lines
 
 Place = tuple[float, float]
+LENGTH = number(MIN_POSITIVE, 1e6, "a length above 0 and up to 1000000 m")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,8 +56,8 @@ def _add_files(parser: argparse.ArgumentParser) -> None:
         help="egm96, egm2008 or ellipsoid: datum of files that state none; FILE=DATUM: of one file; may be repeated",
     )
     parser.add_argument("--at", type=_place, metavar="LAT,LON", help="only around this point [deg], with --radius")
-    parser.add_argument("--radius", type=_length, metavar="M", help="half the side of the square around it [m]")
-    parser.add_argument("--cell", type=_length, metavar="M", help="post spacing of the finest layer [m] (the file's)")
+    parser.add_argument("--radius", type=LENGTH, metavar="M", help="half the side of the square around it [m]")
+    parser.add_argument("--cell", type=LENGTH, metavar="M", help="post spacing of the finest layer [m] (the file's)")
 
 
 def _place(text: str) -> Place:
@@ -74,16 +75,6 @@ def _line(text: str) -> tuple[Place, Place]:
     if len(ends) != 2:
         raise argparse.ArgumentTypeError(f"{text!r}: must be two points, as 47.88,11.75/47.92,11.85")
     return _place(ends[0]), _place(ends[1])
-
-
-def _length(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value <= 1e6:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a length above 0 and up to 1000000 m")
-    return value
 
 
 def run(args: argparse.Namespace) -> int:

@@ -31,13 +31,11 @@ Exit code 0: all holds; 3: readable, and every loss is accounted for; 1: refuted
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json, print_lines
 
 if TYPE_CHECKING:
-    from fti.logger.reading.recording import Recording
     from fti.logger.verify.ledger import Amount
     from fti.logger.verify.report import LinkAccount, VerifyReport
 
@@ -52,27 +50,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Verify and print; 3 when data are lost, 1 when a check does not hold."""
+    from fti.cli._read_report import progress_bar
     from fti.logger.reading.recording import Recording
-
-    report = _verify(Recording.open(*args.session))
-    if args.json:
-        print_json(as_json(report))
-    else:
-        print_lines(as_text(report))
-    return CODES[report.verdict]
-
-
-def _verify(recording: Recording) -> VerifyReport:
-    """Verify with a progress bar on a terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     from fti.logger.verify.verification import verify
 
-    console = Console(file=sys.stderr)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    recording = Recording.open(*args.session)
+    with progress_bar() as bar:
         task = bar.add_task("verifying", total=None)
-        return verify(recording, lambda done, total: bar.update(task, completed=done, total=total))
+        report = verify(recording, lambda done, total: bar.update(task, completed=done, total=total))
+    print_json(as_json(report)) if args.json else print_lines(as_text(report))
+    return CODES[report.verdict]
 
 
 # ------------------------------------------------------------------------------------------------------------- printing
@@ -125,7 +112,12 @@ def as_text(report: VerifyReport) -> list[str]:
         lines += [f"{'':8}{'':{width}}  {verdict}: {text}" for verdict, text in check.lines]
     if report.accounts:
         lines += ["", *_table(report.accounts)]
-    return [*lines, "", _conclusion(report)]
+    conclusion = {
+        "ok": f"all holds: {report.files} files, {report.numbered} numbered messages",
+        "loss": "readable with losses; every known loss is listed above",
+        "refuted": "refuted: the checks marked refuted above do not hold",
+    }
+    return [*lines, "", conclusion[report.verdict]]
 
 
 def _table(accounts: list[LinkAccount]) -> list[str]:
@@ -138,11 +130,3 @@ def _table(accounts: list[LinkAccount]) -> list[str]:
         line = f"{account.topic:{width}} {incoming:12} {recorded.frames:12} {incoming - recorded.frames:12}"
         lines.append(f"{line} {recorded.bytes:16}  {', '.join(reasons)}".rstrip())
     return lines
-
-
-def _conclusion(report: VerifyReport) -> str:
-    return {
-        "ok": f"all holds: {report.files} files, {report.numbered} numbered messages",
-        "loss": "readable with losses; every known loss is listed above",
-        "refuted": "refuted: the checks marked refuted above do not hold",
-    }[report.verdict]
