@@ -140,10 +140,8 @@ class Environment:
 
     def _poses(self, t: Array, device: Device) -> Poses:
         now = self.state(t)
-        pose = (now.lat, now.lon, now.alt, now.roll, now.pitch, now.heading)
-        return sensor_poses(
-            self.terrain.frame, *pose, lever_arm_b=device.lever_arm_b, mat_bs=mounting(device), vel_n=now.vel_n
-        )  # fmt: skip
+        position, rpy = (now.lat, now.lon, now.alt), (now.roll, now.pitch, now.heading)
+        return sensor_poses(self.terrain.frame, position, rpy, device.lever_arm_b, mounting(device), now.vel_n)
 
     def ground(self, state: FlightState) -> Array:
         """Height of the surface below the aircraft above the ellipsoid [m]."""

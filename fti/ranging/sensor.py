@@ -9,6 +9,7 @@ random numbers.  Without random numbers (``rng=None``) it returns the measuremen
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -22,6 +23,7 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
+Triple = Sequence[ArrayLike]  # of three numbers or arrays
 
 
 class Validity(IntEnum):
@@ -73,12 +75,8 @@ class Poses:
 
 def sensor_poses(
     frame: LocalFrame,
-    lat: ArrayLike,
-    lon: ArrayLike,
-    alt: ArrayLike,
-    roll: ArrayLike,
-    pitch: ArrayLike,
-    heading: ArrayLike,
+    position: Triple,
+    rpy: Triple,
     lever_arm_b: ArrayLike = (0.0, 0.0, 0.0),
     mat_bs: ArrayLike | None = None,
     vel_n: ArrayLike = (0.0, 0.0, 0.0),
@@ -87,16 +85,16 @@ def sensor_poses(
 
         x_l = x_l(P) + mat_ln mat_nb lever_arm_b,      mat_ls = mat_ln mat_nb mat_bs
 
-    lat, lon [rad], alt [m]           : the reference point P, ellipsoid; floats or (n,), broadcast
-    roll, pitch, heading [rad]        : attitude of the body; floats or (n,)
+    position    : lat, lon [rad] and alt [m] of the reference point P, ellipsoid; floats or (n,), broadcast
+    rpy         : roll, pitch, heading [rad] of the body; floats or (n,)
     lever_arm_b : ndarray, shape (3,) [m]  reference point P to sensor
     mat_bs      : ndarray, shape (3, 3)    sensor to body; None: the sensor's axes are the body's (looks down)
     vel_n       : ndarray, shape (3,) or (n, 3) [m/s]  of P; the rotation of the lever arm is neglected
     Source      : Spiegel 2018, eq. 2.38-2.40 with the sign of the lever arm as in the conventions of ``fti``.
     """
-    mat_ln = frame.mat_ln(lat, lon)
-    mat_lb = mat_ln @ mat_from_rpy(roll, pitch, heading)
-    origins = frame.to_local(lat, lon, alt) + mat_lb @ np.asarray(lever_arm_b, dtype=np.float64)
+    mat_ln = frame.mat_ln(*position[:2])
+    mat_lb = mat_ln @ mat_from_rpy(*rpy)
+    origins = frame.to_local(*position) + mat_lb @ np.asarray(lever_arm_b, dtype=np.float64)
     mats = mat_lb if mat_bs is None else mat_lb @ np.asarray(mat_bs, dtype=np.float64)
     vels = (mat_ln @ np.asarray(vel_n, dtype=np.float64)[..., None])[..., 0]
     origins, _, vels = np.broadcast_arrays(origins, mats[..., 0], vels)

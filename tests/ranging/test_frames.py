@@ -71,7 +71,7 @@ def test_point_is_that_of_the_poses_in_the_local_frame() -> None:
     frame = LocalFrame(0.8, 0.2, 300.0)
     rng = np.random.default_rng(8)
     lat, lon, alt = frame.to_geodetic(rng.uniform([-2e3, -2e3, 0.0], [2e3, 2e3, 1e3], (N, 3)))
-    poses = sensor_poses(frame, lat, lon, alt, *FLIGHT.rpy, lever_arm_b=ARM, mat_bs=FLIGHT.mat_bs)
+    poses = sensor_poses(frame, (lat, lon, alt), FLIGHT.rpy, lever_arm_b=ARM, mat_bs=FLIGHT.mat_bs)
     point_l = poses.origins_l + FLIGHT.slant[:, None] * np.einsum("nij,nj->ni", poses.mats_ls, FLIGHT.direction_s)
     point_e = frames.point_e(lat, lon, alt, FLIGHT.d_n())
     assert np.abs((point_e - frame.origin_e) @ frame.mat_le.T - point_l).max() < 6e-9

@@ -38,7 +38,7 @@ def poses(height: float, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike =
 
 
 def along(sensor: RangingSensor, *path: Any, **mounting: Any) -> Array:
-    return sensor.measure(FLAT, sensor_poses(FLAT.frame, *path, **mounting)).slant_range
+    return sensor.measure(FLAT, sensor_poses(FLAT.frame, path[:3], path[3:], **mounting)).slant_range
 
 
 def test_laser_over_flat_ground_is_h_over_cos() -> None:
@@ -122,16 +122,16 @@ def test_lever_arm_and_mounting() -> None:
 def test_velocity_is_over_the_ground_whatever_the_attitude() -> None:
     """North 60, east 5, down 3 m/s at the origin of the frame; one for all poses, or one each."""
     one = (60.0, 5.0, 3.0)
-    at = sensor_poses(FLAT.frame, LAT0, LON0, 100.0, [0.3, -1.0], 0.2, 2.0, vel_n=one)
+    at = sensor_poses(FLAT.frame, (LAT0, LON0, 100.0), ([0.3, -1.0], 0.2, 2.0), vel_n=one)
     assert at.vels_l == pytest.approx(np.tile([5.0, 60.0, -3.0], (2, 1)), abs=1e-12)
-    each = sensor_poses(FLAT.frame, LAT0, LON0, 100.0, [0.3, -1.0], 0.2, 2.0, vel_n=[one, (0.0, -7.0, 0.0)])
+    each = sensor_poses(FLAT.frame, (LAT0, LON0, 100.0), ([0.3, -1.0], 0.2, 2.0), vel_n=[one, (0.0, -7.0, 0.0)])
     assert each.vels_l[1] == pytest.approx([-7.0, 0.0, 0.0], abs=1e-12)
 
 
 def test_vertical_of_the_place_not_of_the_frame() -> None:
     """1800 m from the origin the plumb line leans by 0.28 mrad against the frame's up."""
     lat, lon, alt = FLAT.frame.to_geodetic([1800.0, 0.0, 500.0])
-    at = sensor_poses(FLAT.frame, lat, lon, alt, 0.0, 0.0, 0.7)
+    at = sensor_poses(FLAT.frame, (lat, lon, alt), (0.0, 0.0, 0.7))
     assert at.origins_l[0] == pytest.approx([1800.0, 0.0, 500.0], abs=1e-8)
     assert at.mats_ls[0, :, 2] == pytest.approx([-1800.0 / 6.387e6, 0.0, -1.0], abs=1e-6)
 

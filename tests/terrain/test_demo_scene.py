@@ -32,7 +32,7 @@ def profile(scene: Terrain, before: np.ndarray, right: float = 0.0) -> np.ndarra
     east, north = track_point(before, right)
     up = path_up(before)
     place = scene.frame.to_geodetic(np.stack((east, north, up), axis=-1))
-    poses = sensor_poses(scene.frame, *place, 0.0, 0.0, COURSE)
+    poses = sensor_poses(scene.frame, place, (0.0, 0.0, COURSE))
     return np.asarray(up - NearestReturn().measure(scene, poses).slant_range)
 
 

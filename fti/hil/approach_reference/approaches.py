@@ -188,7 +188,7 @@ class TerrainGround:
         """Poses from rows s, y, alt, roll, pitch, crab."""
         s, y, alt, roll, pitch, crab = pose
         lat, lon = self.path.to_geodetic(s, y)
-        return sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, self.path.course(s) + crab)
+        return sensor_poses(terrain.frame, (lat, lon, alt), (roll, pitch, self.path.course(s) + crab))
 
 
 def simulate(

@@ -125,8 +125,8 @@ class RangeTableBuilder:
     def _poses(self) -> Poses:
         s, d = self.samples, self.device
         mat_bs = mat_from_rpy(*(math.radians(angle) for angle in d.rpy_bs_deg))
-        pose = s.lat, s.lon, s.alt, s.roll, s.pitch, s.heading
-        return sensor_poses(self.terrain.frame, *pose, lever_arm_b=d.lever_arm_b, mat_bs=mat_bs, vel_n=s.vel_n)
+        position, rpy = (s.lat, s.lon, s.alt), (s.roll, s.pitch, s.heading)
+        return sensor_poses(self.terrain.frame, position, rpy, d.lever_arm_b, mat_bs, s.vel_n)
 
     def _measure(self, sensor: RangingSensor) -> Array:
         returns = sensor.measure(self.terrain, self._poses())

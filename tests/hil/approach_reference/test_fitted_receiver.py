@@ -19,7 +19,7 @@ HEIGHT_M, BANK = 200.0, math.radians(45.0)
 def ranges(receiver: ReceiverVariant) -> float:
     """Banked by 45 degrees over level ground, 200 m below."""
     terrain = Terrain.from_array(np.zeros((101, 101)), 100.0, east0=-5000.0, north0=-5000.0)
-    poses = sensor_poses(terrain.frame, 0.0, 0.0, HEIGHT_M, BANK, 0.0, 0.0)
+    poses = sensor_poses(terrain.frame, (0.0, 0.0, HEIGHT_M), (BANK, 0.0, 0.0))
     return float(measure((receiver,), terrain, poses, np.zeros((1, 2)))[0, 0, 0])
 
 

@@ -144,8 +144,8 @@ def test_a_leading_edge_is_distinguished_from_a_nearest_return_with_its_threshol
     pose = poses(300, rng, 35.0, 1000.0)
     width = math.radians(50.0)
     radar = RadarAltimeter(antenna=cosine_antenna(width, width), edge=LeadingEdge(10.0**-1.2), max_range=1350.0)
-    place = (pose[name] for name in ("lat", "lon", "alt", "roll", "pitch", "heading"))
-    d = radar.measure(ground, sensor_poses(ground.frame, *place)).slant_range
+    position, rpy = (pose["lat"], pose["lon"], pose["alt"]), (pose["roll"], pose["pitch"], pose["heading"])
+    d = radar.measure(ground, sensor_poses(ground.frame, position, rpy)).slant_range
     value = SCALE * d + BIAS_M + rng.normal(0.0, NOISE_M, 300)
     known = np.isfinite(value)
     samples = FitSamples(value=value[known], **{name: column[known] for name, column in pose.items()})
