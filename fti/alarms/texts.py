@@ -12,13 +12,12 @@ SECOND_NS = 1_000_000_000
 def describe_times(alarm: Mapping[str, Any]) -> str:
     """Begin, duration, count and acknowledgement of an alarm."""
     begin = f"{datetime.fromtimestamp(alarm['begin_ns'] // SECOND_NS, UTC):%H:%M:%S}"
-    parts = [f"since {begin}" if alarm["end_ns"] is None else f"{begin}, {_duration_text(alarm)}"]
+    if alarm["end_ns"] is None:
+        parts = [f"since {begin}"]
+    else:
+        parts = [f"{begin}, ended after {(alarm['end_ns'] - alarm['begin_ns']) / SECOND_NS:.1f} s"]
     if alarm["count"] > 1:
         parts.append(f"{alarm['count']} times")
     if alarm["acknowledged_by"]:
         parts.append(f"acknowledged by {alarm['acknowledged_by']}")
     return ", ".join(parts)
-
-
-def _duration_text(alarm: Mapping[str, Any]) -> str:
-    return f"ended after {(alarm['end_ns'] - alarm['begin_ns']) / SECOND_NS:.1f} s"

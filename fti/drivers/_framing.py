@@ -14,11 +14,13 @@ buffer and on its previous results.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from fti.drivers import Counters
+from fti.messages.measurements import Measurement
 
 
 class Skip(NamedTuple):
@@ -97,3 +99,23 @@ class Framer:
         """Keep the stamps of the read with the first held byte, and later ones."""
         while len(self._stamps) > 1 and self._stamps[1][0] <= self._base:
             self._stamps.popleft()
+
+
+class FramedDecoder(ABC):
+    """Base class of decoders that decode one frame after the other.  measure, limit : see ``Framer``"""
+
+    def __init__(self, measure: Measure, limit: int) -> None:
+        self.counters = Counters()
+        self._framer = Framer(measure, self.counters, limit)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        measurements: list[Measurement] = []
+        for t_ns, frame in self._framer.feed(data, t_rx_ns):
+            name, decoded = self._decode(frame, t_ns)
+            self.counters.messages[name] += 1
+            measurements += decoded
+        return measurements
+
+    @abstractmethod
+    def _decode(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
+        """Name and measurements of a frame whose first byte arrived at t_rx_ns."""

@@ -25,10 +25,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fti.config import Positive, StrictModel
-from fti.drivers import Command, Counters
+from fti.drivers import Command
 from fti.drivers._arguments import check_complete
 from fti.drivers._binary_frame import MAX_FRAME_BYTES, BinaryField, FrameChecksum, FrameCodec, FrameOptions, Hex
-from fti.drivers._framing import Framer
+from fti.drivers._framing import FramedDecoder
 from fti.drivers._polled_device import PolledDevice
 from fti.formats.described_fields import FieldCodec, FieldCollector
 from fti.messages.measurements import Measurement, Stamp
@@ -78,21 +78,15 @@ def make_frame_codec(options: Options) -> FrameCodec:
     return FrameCodec(TFMINI_PLUS)
 
 
-class Decoder:
+class Decoder(FramedDecoder):
     """Frames to measurements.  Raises ValueError for wrong options."""
 
     def __init__(self, options: Options) -> None:
-        self.counters = Counters()
         self._frame = make_frame_codec(options)
-        self._framer = Framer(self._frame.measure, self.counters, limit=MAX_FRAME_BYTES + 1)
+        super().__init__(self._frame.measure, MAX_FRAME_BYTES + 1)
 
-    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        measurements: list[Measurement] = []
-        for t_ns, frame in self._framer.feed(data, t_rx_ns):
-            name, decoded = self._frame.decode(frame, Stamp(t_ns))
-            self.counters.messages[name] += 1
-            measurements += decoded
-        return measurements
+    def _decode(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
+        return self._frame.decode(frame, Stamp(t_rx_ns))
 
 
 class Encoder:

@@ -45,7 +45,7 @@ from pydantic import Field
 from fti.config import StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
-from fti.drivers._framing import Framer, Skip, skip_to
+from fti.drivers._framing import FramedDecoder, Framer, Skip, skip_to
 from fti.drivers._no_commands import poll  # noqa: F401 - the device streams
 from fti.drivers._rangefinder import LOST_M, make_range, wire_distance
 from fti.formats.unit_factors import DEGREE
@@ -170,23 +170,15 @@ def measure(buffer: bytearray) -> int | Skip:
     return length if binascii.crc_hqx(buffer[: length - 2], 0) == stated else Skip(1, "bad_checksum")
 
 
-class Decoder:
+class Decoder(FramedDecoder):
     """Packets to Range, Reading and Ack.  Raises ValueError if the outputs do not fit the family."""
 
     def __init__(self, options: Options) -> None:
-        self.counters = Counters()
+        super().__init__(measure, MAX_PACKET_BYTES + 1)
         self._layout = OutputLayout(options)
-        self._framer = Framer(measure, self.counters, limit=MAX_PACKET_BYTES + 1)
 
-    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        measurements: list[Measurement] = []
-        for t_ns, packet in self._framer.feed(data, t_rx_ns):
-            name, decoded = self._decode(packet[3], packet[4:-2], Stamp(t_ns))
-            self.counters.messages[name] += 1
-            measurements += decoded
-        return measurements
-
-    def _decode(self, command_id: int, data: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
+    def _decode(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
+        command_id, data, stamp = frame[3], frame[4:-2], Stamp(t_rx_ns)
         if command_id not in (CM, MM):
             return decode_answer(command_id, data, stamp)
         if command_id != self._layout.command or len(data) != self._layout.form.size:

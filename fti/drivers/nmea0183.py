@@ -40,8 +40,7 @@ import re
 from typing import Literal
 
 from fti.config import StrictModel
-from fti.drivers import Counters
-from fti.drivers._framing import Framer, Skip
+from fti.drivers._framing import FramedDecoder, Skip
 from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence
 from fti.drivers._nmea_sentences import Sentences
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
@@ -113,23 +112,15 @@ class SentenceFraming:
 # ------------------------------------------------------------------------------------------------------- streams
 
 
-class Decoder:
+class Decoder(FramedDecoder):
     """Sentences to measurements."""
 
     def __init__(self, options: Options) -> None:
-        self.counters = Counters()
+        super().__init__(SentenceFraming(options.checksum == "optional").measure, MAX_SENTENCE)
         self._sentences = Sentences()
-        self._framer = Framer(
-            SentenceFraming(options.checksum == "optional").measure, self.counters, limit=MAX_SENTENCE
-        )
 
-    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        measurements: list[Measurement] = []
-        for stamp, frame in self._framer.feed(data, t_rx_ns):
-            name, read = self._sentences.read(frame, stamp)
-            self.counters.messages[name] += 1
-            measurements += read
-        return measurements
+    def _decode(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
+        return self._sentences.read(frame, t_rx_ns)
 
 
 class Encoder:

@@ -31,7 +31,7 @@ from collections.abc import Callable, Mapping
 from fti.config import StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
-from fti.drivers._framing import Framer, Skip, skip_to
+from fti.drivers._framing import FramedDecoder, Framer, Skip, skip_to
 from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence, split
 from fti.drivers._no_commands import on_connect, poll  # noqa: F401 - the unit sends by itself
 from fti.formats.nmea_fields import sentence
@@ -73,23 +73,15 @@ class Options(StrictModel):
     """There are none."""
 
 
-class Decoder:
+class Decoder(FramedDecoder):
     """Sentences of the unit to Reading, DeviceStatus and Ack."""
 
     def __init__(self, options: Options) -> None:
-        self.counters = Counters()
-        self._framer = Framer(_measure, self.counters, limit=MAX_SENTENCE)
+        super().__init__(_measure, MAX_SENTENCE)
         self._states: dict[str, str] = {}  # of the breakers received since the last PDU
 
-    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        measurements: list[Measurement] = []
-        for t_ns, frame in self._framer.feed(data, t_rx_ns):
-            name, read = self._read(",".join(split(frame)), Stamp(t_ns))
-            self.counters.messages[name] += 1
-            measurements += read
-        return measurements
-
-    def _read(self, text: str, stamp: Stamp) -> tuple[str, list[Measurement]]:
+    def _decode(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
+        text, stamp = ",".join(split(frame)), Stamp(t_rx_ns)
         if m := BRK.fullmatch(text):
             self._states[m[1]] = m[2]
             return "breaker", [Reading(stamp=stamp, name=m[1], value=float(m[3]), unit="A", text=m[2])]

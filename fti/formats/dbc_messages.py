@@ -116,10 +116,10 @@ class DbcMessage:
     def __post_init__(self) -> None:
         named = {s.selector for s in self.signals}
         self.selectors = tuple(s for s in self.signals if s.name in named)
-        self._choices = tuple(self._choices_of(s.name) for s in self.selectors)
-
-    def _choices_of(self, selector: str) -> frozenset[int]:
-        return frozenset(c for s in self.signals if s.selector == selector for c in s.choices)
+        self._choices = tuple(
+            frozenset(c for s in self.signals if s.selector == selector.name for c in s.choices)
+            for selector in self.selectors
+        )
 
     def signals_in(self, little: int, big: int) -> tuple[DbcSignal, ...]:
         """The signals in this frame: all, or those selected by its multiplexers."""

@@ -70,12 +70,11 @@ class FieldCodec:
         if isinstance(wire, str):
             return self.quantity is None
         value = wire * f.scale + f.offset
-        return self._is_possible(value) and (f.limits is None or f.limits[0] <= value <= f.limits[1])
-
-    def _is_possible(self, value: float) -> bool:
         if self.quantity is None or self.quantity.measurement not in NON_NEGATIVE:
-            return math.isfinite(value)
-        return 0.0 <= value * self.factor + self.shift < math.inf
+            is_possible = math.isfinite(value)
+        else:
+            is_possible = 0.0 <= value * self.factor + self.shift < math.inf
+        return is_possible and (f.limits is None or f.limits[0] <= value <= f.limits[1])
 
     def measurement(self, wire: WireValue, valid: bool, stamp: Stamp) -> Measurement | None:
         """The measurement of the field; None if the class needs a value and there is none."""

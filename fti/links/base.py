@@ -154,27 +154,18 @@ class BaseLink(ABC):
             await self._open()
             self.status.connects += 1
             self.status.state, self.status.hint = LinkState.SILENT, self._silent_hint()
-            if self._transmit:
-                await self._send_on_connect()
-            await self._run_checks(self._lost)
+            for data in self._on_connect if self._transmit else ():
+                with contextlib.suppress(LinkError):  # the link also receives if sending fails
+                    await self.send(data)
+            self._schedule_check(self._lost)
+            await asyncio.wait([self._lost])
+            raise self._lost.result()
         except OSError as error:
             raise LinkError(f"link {self.name}: {error.strerror or error}") from None
         finally:
             self._fail(LinkError(f"link {self.name}: closed"))  # wakes pending senders
             self._lost = None
             self._close()
-
-    async def _send_on_connect(self) -> None:
-        """Send the configuration of the device.  The link also receives if sending fails."""
-        for data in self._on_connect:
-            with contextlib.suppress(LinkError):
-                await self.send(data)
-
-    async def _run_checks(self, lost: asyncio.Future[LinkError]) -> None:
-        """Check the link periodically until it is lost."""
-        self._schedule_check(lost)
-        await asyncio.wait([lost])
-        raise lost.result()
 
     def _schedule_check(self, lost: asyncio.Future[LinkError]) -> None:
         loop = asyncio.get_running_loop()

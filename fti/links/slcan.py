@@ -78,7 +78,7 @@ FORMS = {
 def parse_line(line: bytes) -> bytes | None:
     """The frame in a line without its CR; None if the line is not a frame."""
     form = FORMS.get(line[0]) if line else None
-    if form is None or not _all_hex(line[1:]):
+    if form is None or line[1:].strip(b"0123456789abcdefABCDEF"):
         return None
     begin = 2 + form.digits
     can_id, code = line[1 : begin - 1], line[begin - 1 : begin]
@@ -90,15 +90,7 @@ def parse_line(line: bytes) -> bytes | None:
         return None
     data = bytes(length) if form.remote else bytes.fromhex(line[begin : begin + size].decode("ascii"))
     frame = canframe.pack_can(int(can_id, 16), data, extended=form.digits == 8, remote=form.remote, fd=form.fd)
-    return _with_switch(frame) if form.switch else frame
-
-
-def _all_hex(text: bytes) -> bool:
-    return not text.strip(b"0123456789abcdefABCDEF")
-
-
-def _with_switch(frame: bytes) -> bytes:
-    return frame[:5] + bytes([frame[5] | canframe.FD_BRS]) + frame[6:]
+    return frame[:5] + bytes([frame[5] | canframe.FD_BRS]) + frame[6:] if form.switch else frame
 
 
 def format_frame(frame: bytes) -> bytes:

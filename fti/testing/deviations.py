@@ -61,12 +61,8 @@ def compare(series: TopicSeries, quantity: str, truth: TruthTable, name: str | N
     if name in ANGLES:
         error = np.arctan2(np.sin(error), np.cos(error))
     if name in POSITION_ANGLES:
-        error = error * _metres_per_radian(name, truth.at("lat", valid_ns))
+        lat = truth.at("lat", valid_ns)
+        meridian, normal = radii(lat)
+        error = error * (meridian if name == "lat" else normal * np.cos(lat))  # [m]
     rows = np.flatnonzero(series.valid & np.isfinite(error))
     return TruthDeviations(name, rows, truth.seconds(valid_ns[rows]), value[rows], true[rows], error[rows])
-
-
-def _metres_per_radian(name: str, lat: Array) -> Array:
-    """Length of a radian of latitude or longitude at lat [rad]."""
-    meridian, normal = radii(lat)
-    return np.asarray(meridian if name == "lat" else normal * np.cos(lat), dtype=np.float64)

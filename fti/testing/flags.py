@@ -20,7 +20,7 @@ class FlagSpan(NamedTuple):
 
 def spans_of(times_s: Sequence[float], rows: Sequence[dict[str, Any]], flag: str | Condition) -> list[FlagSpan]:
     """Intervals in which a flag is set, in order.  times_s : of the rows, ascending"""
-    is_set: Condition = flag if callable(flag) else lambda row: _has(row, flag)
+    is_set: Condition = flag if callable(flag) else lambda row: any(flag in (row.get(name) or ()) for name in LISTS)
     spans = list[FlagSpan]()
     begin: float | None = None
     for t_s, row in zip(times_s, rows, strict=True):
@@ -35,7 +35,3 @@ def spans_of(times_s: Sequence[float], rows: Sequence[dict[str, Any]], flag: str
 def show(flag: str | Condition) -> str:
     """A flag as text for a failure message."""
     return repr(flag) if isinstance(flag, str) else "of the given condition"
-
-
-def _has(row: dict[str, Any], word: str) -> bool:
-    return any(word in (row.get(name) or ()) for name in LISTS)

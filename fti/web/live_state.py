@@ -116,6 +116,7 @@ class LiveState:
             stopped = any(alarm["id"] in OUTPUT_STOPPING_ALARMS and alarm["end_ns"] is None for alarm in alarms)
             stopped = stopped or not self._alive.get("navigation", True)
             health = self._health
+            last_ns = max(r.at_ns for r in (self._started, self._health, self._last_nav) if r)
             return {
                 "type": "state",
                 "t_ns": self._fti_time_ns(now_ns),
@@ -125,7 +126,7 @@ class LiveState:
                 "outputs": {topic: _display_fields(o, now_ns, stopped) for topic, o in sorted(self._outputs.items())},
                 "events": list(self._events),
                 "alarms": alarms,
-                "stale_bus_ms": round(self._silence_ms(now_ns), 1),
+                "stale_bus_ms": round((now_ns - last_ns) / NS_PER_MS, 1),
             }
 
     def history(self) -> dict[str, Any]:
@@ -138,11 +139,6 @@ class LiveState:
         if self._health is None or "t_ns" not in self._health.fields:
             return None
         return int(to_number(self._health.fields["t_ns"])) + now_ns - self._health.at_ns
-
-    def _silence_ms(self, now_ns: int) -> float:
-        """Time since the last message [ms]."""
-        last = max(r.at_ns for r in (self._started, self._health, self._last_nav) if r)
-        return (now_ns - last) / NS_PER_MS
 
     def _daemon_alarms(self, now_ns: int) -> Iterator[dict[str, Any]]:
         """The alarm that the daemon is silent."""

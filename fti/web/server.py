@@ -57,7 +57,10 @@ CLOSED = (WSMsgType.CLOSE, WSMsgType.CLOSING, WSMsgType.CLOSED, WSMsgType.ERROR)
 def static_files() -> dict[str, tuple[bytes, str]]:
     """Content and content type of all parts of the page, by path on the server."""
     root = resources.files("fti.web") / "static"
-    files = {path: (entry.read_bytes(), _content_type(entry.name)) for path, entry in _walk(root, "/")}
+    files = {
+        path: (entry.read_bytes(), CONTENT_TYPES.get("." + entry.name.rpartition(".")[2], "application/octet-stream"))
+        for path, entry in _walk(root, "/")
+    }
     return files | {"/": files["/index.html"]}
 
 
@@ -67,10 +70,6 @@ def _walk(folder: Traversable, path: str) -> Iterator[tuple[str, Traversable]]:
             yield from _walk(entry, f"{path}{entry.name}/")
         else:
             yield path + entry.name, entry
-
-
-def _content_type(name: str) -> str:
-    return CONTENT_TYPES.get("." + name.rpartition(".")[2], "application/octet-stream")
 
 
 def _to_json(message: Mapping[str, Any]) -> str:
@@ -157,7 +156,9 @@ class PageServer:
         socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=5.0)
         await socket.prepare(request)
         self._sockets.add(socket)
-        client = self._describe_client(request)
+        assert request.transport is not None  # the socket has just been prepared
+        peer, here = (request.transport.get_extra_info(end)[:2] for end in ("peername", "sockname"))
+        client = PageClient(self._user_of(peer, here))
         try:
             await socket.send_str(_to_json(self._live.history()))
             sent_version = 0
@@ -170,11 +171,6 @@ class PageServer:
         except ConnectionResetError:
             pass  # the browser has closed the connection
         return socket
-
-    def _describe_client(self, request: web.Request) -> PageClient:
-        assert request.transport is not None  # the socket has just been prepared
-        peer, here = (request.transport.get_extra_info(end)[:2] for end in ("peername", "sockname"))
-        return PageClient(self._user_of(peer, here))
 
     async def _pause(self, socket: web.WebSocketResponse, client: PageClient) -> None:
         """Wait for the next period; answer commands and a closing handshake meanwhile."""

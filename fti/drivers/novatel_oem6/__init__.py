@@ -34,8 +34,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from fti.config import StrictModel
-from fti.drivers import Counters
-from fti.drivers._framing import Framer
+from fti.drivers._framing import FramedDecoder
 from fti.drivers.novatel_oem6 import commands
 from fti.drivers.novatel_oem6.clock import stamp_of
 from fti.drivers.novatel_oem6.encoder import Encoder
@@ -51,7 +50,7 @@ from fti.drivers.novatel_oem6.framing import (
     split,
 )
 from fti.drivers.novatel_oem6.messages import NAMES, NUMBERS, READERS, name_of, number_of
-from fti.messages.measurements import Measurement, Stamp
+from fti.messages.measurements import Stamp
 
 DOCUMENT = "NovAtel OEM6 Family Firmware Reference Manual, OM-20000129; binary messages and commands"
 MESSAGES = {
@@ -103,32 +102,21 @@ class Options(StrictModel):
     unasked: bool = False
 
 
-class Decoder:
+class Decoder(FramedDecoder):
     """Frames of the receiver to measurements."""
 
     def __init__(self, options: Options) -> None:
-        self.counters = Counters()
-        self._framer = Framer(measure, self.counters, limit=COUNTED_MAX)
+        super().__init__(measure, COUNTED_MAX)
 
-    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        measurements: list[Measurement] = []
-        for at_ns, frame in self._framer.feed(data, t_rx_ns):
-            name, decoded = _read(frame, at_ns)
-            self.counters.messages[name] += 1
-            measurements += decoded
-        return measurements
-
-
-def _read(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
-    """Name of the message, and its measurements."""
-    if frame.startswith(SYNC):
-        return _read_binary(frame, t_rx_ns)
-    if frame.startswith(SHORT_SYNC):
-        return name_of(SHORT_HEADER.unpack_from(frame)[2]), []
-    if frame.startswith(b"<"):
-        return "response", commands.decode_abbreviated(frame, Stamp(t_rx_ns))
-    refused = commands.decode_ascii_answer(frame, Stamp(t_rx_ns))
-    return ("response", refused) if refused is not None else (frame[1 : frame.index(b",")].decode("ascii"), [])
+    def _decode(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
+        if frame.startswith(SYNC):
+            return _read_binary(frame, t_rx_ns)
+        if frame.startswith(SHORT_SYNC):
+            return name_of(SHORT_HEADER.unpack_from(frame)[2]), []
+        if frame.startswith(b"<"):
+            return "response", commands.decode_abbreviated(frame, Stamp(t_rx_ns))
+        refused = commands.decode_ascii_answer(frame, Stamp(t_rx_ns))
+        return ("response", refused) if refused is not None else (frame[1 : frame.index(b",")].decode("ascii"), [])
 
 
 def _read_binary(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:

@@ -41,8 +41,7 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from fti.drivers import Counters
-from fti.drivers._framing import Framer
+from fti.drivers._framing import FramedDecoder
 from fti.drivers._nmea_sentences import Sentences
 from fti.drivers.ublox_ubx import answers, navigation, raw, sky, subframes, times
 from fti.drivers.ublox_ubx.commands import COMMANDS, Options, command, on_connect, poll
@@ -108,24 +107,15 @@ MESSAGES = {
 SHAPES = {ids: message.shape for ids, message in MESSAGE_TABLE.items() if message.shape}
 
 
-class Decoder:
+class Decoder(FramedDecoder):
     """UBX, NMEA 0183 and RTCM 3 to measurements."""
 
     def __init__(self, options: Options) -> None:
-        self.counters = Counters()
+        super().__init__(PortFraming(SHAPES).measure, MAX_HELD_BYTES)
         self._receiver = ReceiverState()
         self._sentences = Sentences()
-        self._framer = Framer(PortFraming(SHAPES).measure, self.counters, limit=MAX_HELD_BYTES)
 
-    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        measurements: list[Measurement] = []
-        for stamp, frame in self._framer.feed(data, t_rx_ns):
-            name, decoded = self._read(frame, stamp)
-            self.counters.messages[name] += 1
-            measurements += decoded
-        return measurements
-
-    def _read(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
+    def _decode(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
         if frame[0] == RTCM_START:
             return rtcm_name(frame), []
         if frame[0] != SYNC[0]:

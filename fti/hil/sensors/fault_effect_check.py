@@ -29,20 +29,14 @@ POSITION_DEPENDENT, RANGES = (Position, Velocity, Range, RadioHeight), "range_"
 def check_fault_effects(sensors: Sequence[SimulatedSensor], world: Environment) -> None:
     """Raises ConfigError when a named device, or without names every device, does not send what a fault changes."""
     faults = [(i, fault) for i, fault in enumerate(world.scenario.fault) if isinstance(fault, OutputFault)]
-    sound = _without_faults(world)
+    sound = copy.copy(world)  # without faults, because a device without fix in the first seconds sends no position
+    sound.scenario = world.scenario.model_copy(update={"fault": ()})
     for i, fault in faults:
         named = [sensor for sensor in sensors if fault.includes_device(sensor.name)]
         missing = {sensor.name: values for sensor in named if (values := _missing(fault, sensor, sound))}
         if missing and (fault.devices or len(missing) == len(named)):
             name, values = next(iter(missing.items()))
             raise ConfigError(f"{world.scenario.source_name}: fault[{i}].devices: {name!r} does not send {values}")
-
-
-def _without_faults(world: Environment) -> Environment:
-    """The same flight without faults, because a device without fix in the first seconds sends no position."""
-    sound = copy.copy(world)
-    sound.scenario = world.scenario.model_copy(update={"fault": ()})
-    return sound
 
 
 def _missing(fault: OutputFault, sensor: SimulatedSensor, world: Environment) -> str:

@@ -65,7 +65,8 @@ class ImagerModel:
         rows, columns = _shape(self._pixels, bound.device.name)
         along, across = (math.radians(angle) for angle in settings.field_of_view_deg)
         is_line = all(name.count("_") == 1 for name in units)
-        sensor = _scanner(laser, rows, across) if is_line else _imager(laser, (columns, rows), (along, across))
+        imager = RangeImager(laser=laser, pixels=(columns, rows), field_of_view=(along, across))
+        sensor = _scanner(laser, rows, across) if is_line else imager
         ranges = world.returns(sensor, t, bound.device).slant_range.reshape(len(t), rows, columns)
         self._ranges = ranges + rng.normal(0.0, NOISE_SD, ranges.shape)
 
@@ -89,10 +90,6 @@ def _shape(pixels: Mapping[str, tuple[int, int]], device: str) -> tuple[int, int
             f"device {device!r}: {rows} x {columns} ranges: the range of row {row}, column {column} is missing"
         )
     return rows, columns
-
-
-def _imager(laser: Laser, pixels: tuple[int, int], field_of_view: tuple[float, float]) -> RangingSensor:
-    return RangeImager(laser=laser, pixels=pixels, field_of_view=field_of_view)
 
 
 def _scanner(laser: Laser, points: int, field_of_view: float) -> RangingSensor:

@@ -98,27 +98,22 @@ class InertialNavigation:
         inertial = (values_b[:: unit.every] @ mounting(bound.device) for values_b in (unit.force_b, unit.rate_b))
         output = add_free_intervals(output, free_mask(t, settings, faults), unit, sigmas, own)
         self._is_free, self._undulation = output.is_free.tolist(), world.undulation
-        arm_vel_n = velocity_at(state, bound.device.lever_arm_b) - state.vel_n
-        self._rows = np.column_stack([*inertial, *_solution_columns(output, _device_offset(state, bound), arm_vel_n)])
+        self._rows = np.column_stack([*inertial, *_solution_columns(output, state, bound)])
         self._aids = AidingMessages(bound, world, t, rng, output=output)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Inertial sample, attitude, velocity, position: the content of one message; then the slower messages."""
-        row = self._rows[k].tolist()
+        row, is_free = self._rows[k].tolist(), self._is_free[k]
         ax, ay, az, gx, gy, gz, roll, pitch, heading, north, east, down, *position, h_sd, v_sd, velocity_sd = row
         return [
-            *self._status_change(k, stamp),
+            # the status when the system loses or regains its satellites; later messages repeat it
+            *([status(stamp, is_free=is_free)] if is_free != (self._is_free[k - 1] if k else False) else []),
             new_sample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
             new_attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading),
             new_velocity(stamp=stamp, north=north, east=east, down=down, sd=velocity_sd),
             self._position(stamp, *position, horizontal_sd=h_sd, vertical_sd=v_sd),
             *self._aids.measure(k, stamp),
         ]
-
-    def _status_change(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """The status when the system loses or regains its satellites; later messages repeat it."""
-        is_free = self._is_free[k]
-        return [status(stamp, is_free=is_free)] if is_free != (self._is_free[k - 1] if k else False) else []
 
     def _position(
         self, stamp: Stamp, lat: float, lon: float, alt: float, *, horizontal_sd: float, vertical_sd: float
@@ -135,9 +130,12 @@ class InertialNavigation:
         )
 
 
-def _solution_columns(output: InsOutput, arm: list[Array], arm_vel_n: Array) -> tuple[Array, ...]:
+def _solution_columns(output: InsOutput, state: FlightState, bound: BoundDevice) -> tuple[Array, ...]:
     """Columns of the solution at the device, as ``InertialNavigation.measure`` takes them."""
-    solution = output.solution
+    solution, arm_b = output.solution, bound.device.lever_arm_b
+    arm_vel_n = velocity_at(state, arm_b) - state.vel_n
+    device, reference = position_at(state, arm_b), (state.lat, state.lon, state.alt)
+    arm = [to - at for to, at in zip(device, reference, strict=True)]
     position = (at + offset for at, offset in zip((solution.lat, solution.lon, solution.alt), arm, strict=True))
     return solution.rpy, solution.vel_n + arm_vel_n, *position, output.deviations[:, [0, 2, 3]]
 
@@ -156,9 +154,3 @@ def _unit(
         unit_t, BARO_SD, BARO_PERIOD_S, rng
     )
     return InertialUnitSamples(imu, every, period / every, *measured, force, rate, baro)
-
-
-def _device_offset(state: FlightState, bound: BoundDevice) -> list[Array]:
-    """From the reference point to the device: lat, lon [rad], alt [m], shape (n,) each."""
-    device, reference = position_at(state, bound.device.lever_arm_b), (state.lat, state.lon, state.alt)
-    return [to - at for to, at in zip(device, reference, strict=True)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,20 +35,13 @@ def make_model(
 ) -> SensorModel:
     """The model of a device at the times t, shape (n,) [s], with the faults of its lever arm."""
     faults = [f for f in world.scenario.fault if isinstance(f, LeverArm) and applies_to(f, bound)]
-    displaced = [(fault, _displaced_device(bound, fault), copy.deepcopy(rng)) for fault in faults]
+    equal_rngs = [copy.deepcopy(rng) for _ in faults]
     model = kind(bound, world, t, rng)
-    for fault, device, equal_rng in displaced:
+    for fault, equal_rng in zip(faults, equal_rngs, strict=True):
         is_misplaced = (t >= fault.from_s) & (t < fault.to_s)
         if is_misplaced.any():
+            offset = (fault.forward_m, fault.right_m, fault.down_m)
+            arm_b = tuple(a + b for a, b in zip(bound.device.lever_arm_b, offset, strict=True))
+            device = replace(bound, device=bound.device.model_copy(update={"lever_arm_b": arm_b}))
             model = MisplacedModel(model, kind(device, world, t, equal_rng), is_misplaced.tolist())
     return model
-
-
-def _displaced_device(bound: BoundDevice, fault: LeverArm) -> BoundDevice:
-    """The device at its true position."""
-    arm_b = _sum(bound.device.lever_arm_b, (fault.forward_m, fault.right_m, fault.down_m))
-    return replace(bound, device=bound.device.model_copy(update={"lever_arm_b": arm_b}))
-
-
-def _sum(one: Iterable[float], other: Iterable[float]) -> tuple[float, ...]:
-    return tuple(a + b for a, b in zip(one, other, strict=True))

@@ -30,7 +30,12 @@ def check_fault_quantities(sensors: Sequence[SimulatedSensor], world: Environmen
 
 
 def _check(where: str, fault: QuantityFault, measured: dict[str, list[Measurement]]) -> None:
-    without = {name: values for name, values in measured.items() if not _is_in(fault, values)}
+    wanted = parse(fault.quantity)
+    without = {
+        name: values
+        for name, values in measured.items()
+        if not any(matches_quantity(m, wanted, fault.name) for m in values)
+    }
     if not without or (not fault.devices and len(without) < len(measured)):
         return
     name, values = next(iter(without.items()))
@@ -52,11 +57,6 @@ def first_cycles(
         model = MODELS[sensor.bound.device.driver](sensor.bound, world, sensor.t[:count], np.random.default_rng(0))
     stamps = (Stamp(t_ns, t_ns, TimeScale.UTC) for t_ns in (round(1e9 * t) for t in sensor.t[:count]))
     return [model.measure(k, stamp) for k, stamp in enumerate(stamps)]
-
-
-def _is_in(fault: QuantityFault, measurements: Iterable[Measurement]) -> bool:
-    quantity = parse(fault.quantity)
-    return any(matches_quantity(m, quantity, fault.name) for m in measurements)
 
 
 def _numbers(measurements: Iterable[Measurement]) -> list[str]:
