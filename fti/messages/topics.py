@@ -148,7 +148,9 @@ def topics() -> tuple[Topic, ...]:
 def _frame_topics() -> Iterator[Topic]:
     yield Topic(name=f"{RAW_PREFIX}<link>", text="received bytes", rate="as received", files=("raw", "snapshot"))
     yield Topic(name=f"{SENT_PREFIX}<link>", text="sent bytes", rate="as sent", files=("raw", "snapshot"))
-    yield Topic(name=TICK_TOPIC, text="ticks, by which time-outs are judged", rate="50 Hz", files=("raw", "snapshot"))
+    yield Topic(
+        name=TICK_TOPIC, text="ticks, so that timeouts are reproducible", rate="50 Hz", files=("raw", "snapshot")
+    )
 
 
 def _measurement_topics() -> Iterator[Topic]:

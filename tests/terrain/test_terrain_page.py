@@ -30,7 +30,7 @@ def test_every_example_runs(
         exec(block, names)
     output = capsys.readouterr().out
     for line in (
-        r"6\d\d\.\d m by N47E011\.hgt, egm96 as its format says; date None",
+        r"6\d\d\.\d m by N47E011\.hgt, egm96 from its format; date None",
         r"\('1\d{3}\.\d m', 'HIT'\), \('nan m', 'OUTSIDE'\)",
         r"\d{3}\.\d+ m AGL\(p\)",
         r"-?8[23]\.\d+ m PRESSURE\(1023\.25 hPa\)",
