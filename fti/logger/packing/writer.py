@@ -130,7 +130,11 @@ class Packer:
         elif record.op in (Op.PADDING, Op.CHECKPOINTS):
             self._literal(at, record.end)
         else:
-            self._take_record(at, record.end, head)
+            data = self._source.read(at, record.end - at)
+            self._sha256.update(data)
+            self._layout.end_step(StepKind.RECORD)
+            packed = (head.compression, head.end - head.begin) if head else ("", 0)
+            self._locations[at] = _RecordLocation(self._write(data), packed)
         return record.end
 
     def _take_chunk(self, head: ChunkHead) -> None:
@@ -143,13 +147,6 @@ class Packer:
         stored = compress(content)
         offset = self._write(records.packed_chunk(head.times, head.size, head.crc, "zstd", stored))
         self._locations[head.at] = _RecordLocation(offset, ("zstd", len(stored)))
-
-    def _take_record(self, at: int, end: int, head: ChunkHead | None) -> None:
-        record = self._source.read(at, end - at)
-        self._sha256.update(record)
-        self._layout.end_step(StepKind.RECORD)
-        packed = (head.compression, head.end - head.begin) if head else ("", 0)
-        self._locations[at] = _RecordLocation(self._write(record), packed)
 
     def _finish(self, tail: bytes) -> None:
         """Write layout, data on the original, and summary; tail : the original from the end of its data on."""

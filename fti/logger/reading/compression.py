@@ -48,7 +48,7 @@ def _expand(compression: str, data: bytes, size: int) -> bytes:
     """Decompress at most ``size`` + 1 bytes."""
     try:
         if compression == "zstd":
-            return _expand_zstd(data, size)
+            return zstandard.ZstdDecompressor(max_window_size=MAX_RECORD).decompress(data, max_output_size=size or 1)
         if compression == "lz4":
             return _expand_lz4(data, size)
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
@@ -56,10 +56,6 @@ def _expand(compression: str, data: bytes, size: int) -> bytes:
     if compression:
         raise ValueError(f"a chunk is compressed with {compression!r}, which is not supported")
     return data
-
-
-def _expand_zstd(data: bytes, size: int) -> bytes:
-    return zstandard.ZstdDecompressor(max_window_size=MAX_RECORD).decompress(data, max_output_size=size or 1)
 
 
 def _expand_lz4(data: bytes, size: int) -> bytes:

@@ -126,10 +126,6 @@ def _begins_attachment(begin: bytes, length: int) -> bool:
     return bool(at + 8 + struct.unpack_from("<Q", begin, at)[0] + 4 == length)
 
 
-def _is_attachment(body: bytes) -> bool:
-    return zlib.crc32(memoryview(body)[:-4]) == _u32(body, len(body) - 4)
-
-
 def _begins_metadata(begin: bytes, length: int) -> bool:
     at = _texts_end(begin, 0)
     return at + 4 + _u32(begin, at) == length
@@ -153,7 +149,7 @@ _FORMS: dict[int, Callable[[bytes], bool]] = {
     Op.MESSAGE: lambda body: len(body) >= MESSAGE_BODY,
     Op.MESSAGE_INDEX: lambda body: _is_array(body, 2, 16),
     Op.CHUNK_INDEX: _is_chunk_index,
-    Op.ATTACHMENT: _is_attachment,
+    Op.ATTACHMENT: lambda body: zlib.crc32(memoryview(body)[:-4]) == _u32(body, len(body) - 4),
     Op.ATTACHMENT_INDEX: lambda body: _texts_end(body, 40, 2) == len(body),
     Op.STATISTICS: lambda body: _is_array(body, 42, 10),
     Op.METADATA: lambda body: _is_table(body, _texts_end(body, 0)),

@@ -123,7 +123,9 @@ class FileCheck:
                     break
                 record = valid_record(source, at, source.size)
                 if record is None or op not in (_IN_SUMMARY if self._ended else _IN_DATA):
-                    self._break(at, torn=self._is_torn(source, at))
+                    # A summary that a writer has begun may be long, but holds no chunk.
+                    torn = not is_followed_by_chunk(source, at) if self._ended else is_torn_write(source, at)
+                    self._break(at, torn=torn)
                     return
                 if head:
                     yield from self._chunk(source, head)
@@ -148,10 +150,6 @@ class FileCheck:
         else:
             self.unfinished_fault = f"ends after byte {len(found)}, within its head"
         return 0
-
-    def _is_torn(self, source: TolerantFile, at: int) -> bool:
-        """Can the writer have ended here?  A summary may be long, but holds no chunk."""
-        return not is_followed_by_chunk(source, at) if self._ended else is_torn_write(source, at)
 
     def _break(self, at: int, *, torn: bool = True) -> None:
         """Report an invalid record; torn : an interrupted writer may have left it."""
