@@ -1,4 +1,4 @@
-"""Sound receivers that no test may refuse, whatever is flown."""
+"""Sound receivers that no test may refuse, whatever is flown; longer with --scale full."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ def unchanged(t: float, m: Measurement) -> Measurement:
 @pytest.mark.parametrize("receiver", RECEIVERS, ids=lambda r: r.name)
 def test_legs_and_turns(receiver: Receiver, scale: int) -> None:
     for seed in range(1 if scale == 1 else 3):
-        result = simulate(unchanged, receiver=receiver, seconds=900, seed=seed)
+        result = simulate(unchanged, receiver=receiver, seconds=450 if scale == 1 else 900, seed=seed)
         assert result.events == []
         assert all(valid and whole for _, valid, whole in result.valid)
 
 
 @pytest.mark.parametrize("receiver", RECEIVERS, ids=lambda r: r.name)
-def test_turns_of_a_fighter(receiver: Receiver) -> None:
+def test_turns_of_a_fighter(receiver: Receiver, scale: int) -> None:
     """8 g, at up to 200 m/s, with the limits of such an aircraft."""
     rng = np.random.default_rng(11)
-    truth = fly(rng, 600, 8.0)
+    truth = fly(rng, 300 if scale == 1 else 600, 8.0)
     assert simulate(unchanged, receiver=receiver, truth=truth, limits={"acceleration_mps2": 100.0}).events == []
 
 
 @pytest.mark.parametrize("receiver", RECEIVERS, ids=lambda r: r.name)
 @pytest.mark.parametrize("speed", [0.0, 0.4, 3.0])
-def test_on_the_ground_in_hover_and_at_a_walk(receiver: Receiver, speed: float) -> None:
-    assert simulate(unchanged, receiver=receiver, truth=straight(600, speed)).events == []
+def test_on_the_ground_in_hover_and_at_a_walk(receiver: Receiver, speed: float, scale: int) -> None:
+    truth = straight(200 if scale == 1 else 600, speed)
+    assert simulate(unchanged, receiver=receiver, truth=truth).events == []
 
 
 def test_a_receiver_that_holds_its_place_on_the_ground() -> None:
@@ -57,12 +58,13 @@ def test_a_receiver_that_holds_its_place_on_the_ground() -> None:
 
 
 @pytest.mark.parametrize("length_s", [2.0, 10.0, 59.0, 300.0])
-def test_gaps(length_s: float) -> None:
+def test_gaps(length_s: float, scale: int) -> None:
     def change(t: float, m: Measurement) -> Measurement | None:
         return None if 100.0 <= t < 100.0 + length_s else m
 
+    seconds = round(200 + length_s) if scale == 1 else 600
     for receiver in (UBX1, UBX10):
-        assert simulate(change, receiver=receiver, seconds=600, seed=5).events == []
+        assert simulate(change, receiver=receiver, seconds=seconds, seed=5).events == []
 
 
 def test_positions_are_missing_and_velocities_are_not() -> None:
