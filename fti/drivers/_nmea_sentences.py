@@ -12,7 +12,8 @@ from fti.drivers._nmea_framing import split
 from fti.drivers._nmea_sky import SkyView
 from fti.formats import nmea_fields as fields
 from fti.formats.device_time import SECOND_NS
-from fti.formats.unit_factors import KNOT, wrap_heading
+from fti.formats.unit_factors import KNOT
+from fti.geodesy.formulas import wrap_heading
 from fti.messages.measurements import (
     Attitude,
     DeviceStatus,

@@ -46,7 +46,8 @@ from fti.drivers._nmea_sentences import Sentences
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.formats import nmea_fields as fields
 from fti.formats.device_time import device_time_ns, utc_date
-from fti.formats.unit_factors import KNOT, wrap_heading
+from fti.formats.unit_factors import KNOT
+from fti.geodesy.formulas import wrap_heading
 from fti.messages.measurements import Attitude, DeviceTime, Measurement, Position, Satellites, TimeScale, Velocity
 
 DOCUMENT = 'NMEA 0183 4.11 as publicly documented (gpsd, "NMEA Revealed")'

@@ -11,15 +11,8 @@ from typing import Any
 
 from fti.constants import FOOT, NAUTICAL_MILE, STANDARD_GRAVITY
 from fti.formats.fast_messages import fast_maker
-from fti.formats.unit_factors import (
-    DEGREE,
-    FOOT_PER_MINUTE,
-    HECTOPASCAL,
-    INCH_HG,
-    KELVIN_AT_0_C,
-    KNOT,
-    wrap_heading,
-)
+from fti.formats.unit_factors import DEGREE, FOOT_PER_MINUTE, HECTOPASCAL, INCH_HG, KELVIN_AT_0_C, KNOT
+from fti.geodesy.formulas import wrap_heading
 from fti.messages.measurements import (
     Airspeed,
     Attitude,

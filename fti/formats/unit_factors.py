@@ -1,4 +1,4 @@
-"""Units of the wires, each as a factor to SI, and the wrapping of angles."""
+"""Units of the wires, each as a factor to SI."""
 
 from __future__ import annotations
 
@@ -12,14 +12,3 @@ HECTOPASCAL = 100.0
 INCH_HG = 3386.389  # at 0 degrees Celsius
 DEGREE = math.pi / 180.0
 KELVIN_AT_0_C = 273.15
-
-
-def wrap_heading(angle: float) -> float:
-    """The angle in [0, 2 pi)."""
-    wrapped = angle % math.tau
-    return wrapped if wrapped < math.tau else 0.0  # a tiny negative angle rounds to 2 pi
-
-
-def wrap_half_turn(angle: float) -> float:
-    """The angle in [-pi, pi)."""
-    return (angle + math.pi) % math.tau - math.pi

@@ -1,36 +1,39 @@
 """Normal gravity, and the transport rate: rotation of the navigation frame due to motion.
 
-Source: NIMA TR 8350.2, third edition, 4.1 (Somigliana's formula); Titterton and Weston 2004, section 3.5 (transport
-rate).
+Source: ``fti.geodesy.formulas``; Titterton and Weston 2004, section 3.5 (transport rate).
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.geodesy.wgs84 import ECC_SQ, radii
+from fti.geodesy import formulas
+from fti.geodesy.wgs84 import radii
+from fti.kernel import flatten, kernel
 
 Array = NDArray[np.float64]
 
-#: Normal gravity at the equator [m/s^2], Somigliana's constant, free-air gradient [1/s^2].
-GRAVITY_EQUATOR, SOMIGLIANA, FREE_AIR = 9.7803253359, 0.00193185265241, 3.086e-6
+_gravity_of = formulas.normal_gravity
 
 
 def normal_gravity(lat: ArrayLike, alt: ArrayLike) -> Array:
     """Normal gravity [m/s^2], positive, down along the ellipsoid's normal.
 
-        g = g_equator (1 + k sin^2 lat) / sqrt(1 - e^2 sin^2 lat) - 3.086e-6 / s^2  alt
-
     lat [rad], alt above the ellipsoid [m] : float or ndarray; shapes broadcast.
     """
-    sin_sq = np.sin(lat) ** 2
-    return np.asarray(somigliana(sin_sq) - FREE_AIR * np.asarray(alt, dtype=np.float64))
+    shape, places = flatten(lat, alt)
+    return _all_gravity(*places).reshape(shape)
 
 
-def somigliana(sin_sq_lat: Array) -> Array:
-    """Normal gravity on the ellipsoid [m/s^2] by the squared sine of the latitude."""
-    return GRAVITY_EQUATOR * (1.0 + SOMIGLIANA * sin_sq_lat) / np.sqrt(1.0 - ECC_SQ * sin_sq_lat)
+@kernel
+def _all_gravity(lat: Array, alt: Array) -> Array:
+    gravity = np.empty(len(lat))
+    for i in range(len(lat)):
+        gravity[i] = _gravity_of(math.sin(lat[i]), alt[i])
+    return gravity
 
 
 def transport_rate(lat: Array, alt: Array, vel_n: Array) -> Array:

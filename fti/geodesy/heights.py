@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.atmosphere import ISA_PRESSURE, Atmosphere, pressure_altitude
 from fti.geodesy.geoid import Geoid
+from fti.geodesy.rotations import rotate
 from fti.messages.outputs import Datum, Point
 
 Array = NDArray[np.float64]
@@ -239,5 +240,4 @@ def to_point(height: Height, point: Point, lever_arm_b: ArrayLike, mat_nb: Array
     mat_nb      : ndarray, shape (..., 3, 3)   attitude, body to north, east, down
     Source      : Spiegel 2018, eq. 2.38 ff., with the lever arm from the reference point to the sensor throughout
     """
-    lower = (np.asarray(mat_nb, dtype=np.float64) @ np.asarray(lever_arm_b, dtype=np.float64)[..., None])[..., 2, 0]
-    return Height(_metres(height, Datum.AGL, "to_point") + lower, AGL(point))
+    return Height(_metres(height, Datum.AGL, "to_point") + rotate(mat_nb, lever_arm_b)[..., 2], AGL(point))

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.geodesy import formulas
+from fti.geodesy.formulas import Vector
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 
@@ -39,6 +41,12 @@ class LocalFrame:
     def to_local(self, lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Array:
         """East, north, up [m], shape (..., 3), of geodetic positions (lat, lon [rad], alt above the ellipsoid [m])."""
         return np.asarray((ecef_from_geodetic(lat, lon, alt) - self.origin_e) @ self.mat_le.T)
+
+    def point_to_local(self, lat: float, lon: float, alt: float) -> Vector:
+        """``to_local`` of one point."""
+        x, y, z = formulas.ecef_from_geodetic(lat, lon, alt)
+        x0, y0, z0 = self.origin_e.tolist()
+        return formulas.rotate(self.mat_le.tolist(), (x - x0, y - y0, z - z0))
 
     def to_geodetic(self, enu: ArrayLike) -> tuple[Array, Array, Array]:
         """lat, lon [rad] and alt above the ellipsoid [m] of east, north, up positions of shape (..., 3) [m]."""

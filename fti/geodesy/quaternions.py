@@ -9,41 +9,42 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.geodesy import formulas
+from fti.geodesy.rotations import rows_of
+from fti.kernel import flatten, kernel
+
 Array = NDArray[np.float64]
+
+_mat_of, _quat_of = formulas.mat_from_quat, formulas.quat_from_mat
 
 
 def mat_from_quat(quat: ArrayLike) -> Array:
     """Rotation matrix, shape (..., 3, 3), of unit quaternions, shape (..., 4)."""
-    w, x, y, z = np.moveaxis(np.asarray(quat, dtype=np.float64), -1, 0)
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    shape, (flat,) = flatten(quat)
+    return _all_mats(flat.reshape(-1, 4)).reshape(*shape[:-1], 3, 3)
 
 
 def quat_from_mat(mat: ArrayLike) -> Array:
-    """Unit quaternions, shape (n, 4), of rotation matrices, shape (n, 3, 3); either sign.
+    """Unit quaternions, shape (..., 4), of rotation matrices, shape (..., 3, 3); either sign."""
+    shape, (flat,) = flatten(mat)
+    return all_quats(flat.reshape(-1, 3, 3)).reshape(*shape[:-2], 4)
 
-    The largest of the four components is found from the diagonal and divides the others (Shepperd 1978).
-    """
-    m = np.asarray(mat, dtype=np.float64)
-    xx, yy, zz = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
-    wx, wy, wz = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
-    xy, xz, yz = m[:, 0, 1] + m[:, 1, 0], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
-    products = np.stack(  # four times the products of the components, row by row
-        (
-            np.stack((1.0 + xx + yy + zz, wx, wy, wz), axis=-1),
-            np.stack((wx, 1.0 + xx - yy - zz, xy, xz), axis=-1),
-            np.stack((wy, xy, 1.0 - xx + yy - zz, yz), axis=-1),
-            np.stack((wz, xz, yz, 1.0 - xx - yy + zz), axis=-1),
-        ),
-        axis=-2,
-    )
-    largest = np.argmax(np.einsum("nii->ni", products), axis=-1)
-    quat = products[np.arange(len(m)), largest]
-    return np.asarray(quat / np.linalg.norm(quat, axis=-1, keepdims=True))
+
+@kernel
+def _all_mats(quats: Array) -> Array:
+    mats = np.empty((len(quats), 3, 3))
+    for i in range(len(quats)):
+        mats[i, 0], mats[i, 1], mats[i, 2] = _mat_of(quats[i, 0], quats[i, 1], quats[i, 2], quats[i, 3])
+    return mats
+
+
+@kernel
+def all_quats(mats: Array) -> Array:
+    """``quat_from_mat`` of (n, 3, 3)."""
+    quats = np.empty((len(mats), 4))
+    for i in range(len(mats)):
+        quats[i] = _quat_of(rows_of(mats[i]))
+    return quats
 
 
 def make_continuous(quat: ArrayLike) -> Array:

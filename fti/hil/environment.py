@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from fti.config import Device
 from fti.errors import ConfigError
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
+from fti.geodesy.formulas import metres_per_radian
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_from_rpy
-from fti.geodesy.wgs84 import radii
 from fti.hil.faults.descriptions import describe
 from fti.hil.flight.factory import FlightSite, make_flight
 from fti.hil.flight.trajectory import FlightState, SplineFlight
@@ -189,10 +189,9 @@ def true_ground(terrain: Terrain, shifts: Sequence[TerrainShift]) -> Terrain:
         return terrain
     north, east, up = (sum(getattr(shift, name) for shift in shifts) for name in ("north_m", "east_m", "up_m"))
     frame = terrain.frame
-    r_meridian, r_normal = radii(frame.lat0)
-    lat0 = frame.lat0 - north / float(r_meridian + frame.alt0)
-    lon0 = frame.lon0 - east / float((r_normal + frame.alt0) * math.cos(frame.lat0))
-    return replace(terrain, frame=LocalFrame(lat0, lon0, frame.alt0 - up))
+    per_lat, per_lon = metres_per_radian(frame.lat0, frame.alt0)
+    moved = LocalFrame(frame.lat0 - north / per_lat, frame.lon0 - east / per_lon, frame.alt0 - up)
+    return replace(terrain, frame=moved)
 
 
 def add_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obstacle]) -> Terrain:

@@ -24,13 +24,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from fti.config import AlertLimits, Config
+from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.outputs import FilterMode, FilterSolution
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.filter_attitude import MIN_AIDING_NS
 from fti.nav.protection import K_AXIS, K_RADIAL
 from fti.nav.source_interpolation import AttitudeState, NavSource
-from fti.nav.time_series import SECOND_NS, wrap
+from fti.nav.time_series import SECOND_NS
 
 #: Time between two comparisons, and maximum age of a solution of the filter in one [ns].
 STEP_NS, MAX_AGE_NS = SECOND_NS // 5, SECOND_NS // 2
@@ -103,7 +104,9 @@ def _tilt_level(
 def _heading_level(own: AttitudeState, others: Sequence[AttitudeState], assumed: float) -> float | None:
     if own.heading is None:
         return None
-    headings = [(b.heading_sd or assumed, abs(wrap(b.heading - own.heading))) for b in others if b.heading is not None]
+    headings = [
+        (b.heading_sd or assumed, abs(wrap_half_turn(b.heading - own.heading))) for b in others if b.heading is not None
+    ]
     sd, difference = min(headings, default=(own.heading_sd or assumed, 0.0))
     return min(math.pi, difference + K_AXIS * sd)
 
@@ -115,7 +118,7 @@ def _aged_sd(other: AttitudeState, assumed: float) -> float:
 
 def _tilt_difference(one: AttitudeState, other: AttitudeState) -> float:
     """Radial difference of roll and pitch [rad]."""
-    return math.hypot(wrap(one.roll - other.roll), one.pitch - other.pitch)
+    return math.hypot(wrap_half_turn(one.roll - other.roll), one.pitch - other.pitch)
 
 
 class AttitudeProtection:

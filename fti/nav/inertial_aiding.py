@@ -17,7 +17,7 @@ from functools import cache
 from typing import Any
 
 from fti.config import Device, Filter
-from fti.geodesy.rotations import down_row
+from fti.geodesy.formulas import down_row
 from fti.messages.measurements import (
     Airspeed,
     Attitude,

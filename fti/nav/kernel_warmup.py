@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fti.config import Config
+from fti.geodesy.kernel_warmup import warm_up as warm_up_geodesy
 from fti.nav.altimetry import expected_range
 from fti.nav.filter.navigator import warm_up as warm_up_filter
 from fti.nav.integrity import statistics, window
@@ -11,6 +12,7 @@ from fti.nav.terrain_reference import Ground
 
 def warm_up(config: Config, ground: Ground | None) -> None:
     """Compile the kernels, or load them from the cache (seconds on the first start)."""
+    warm_up_geodesy()
     if config.nav.approach:
         statistics.warm_up()
         window.warm_up()

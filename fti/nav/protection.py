@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from fti.config import AlertLimits, Config
-from fti.geodesy.one_point import radii
+from fti.geodesy.formulas import metres_per_radian
 from fti.messages.reasons import Reason
 from fti.nav.source_interpolation import PositionState
 
@@ -71,9 +71,8 @@ def extrapolate_levels(levels: Protection, last: PositionState, current: Positio
     """
     if Reason.NOTHING_TO_COMPARE in levels.unchecked or last.north is None or last.east is None:
         return levels
-    meridian, normal = radii(last.lat)
-    north = (current.lat - last.lat) * meridian - last.north * seconds
-    east = math.remainder(current.lon - last.lon, 2.0 * math.pi) * normal * math.cos(last.lat) - last.east * seconds
+    north, east = _level_difference(current, last)
+    north, east = north - last.north * seconds, east - last.east * seconds
     up = 0.0 if current.alt is None or last.alt is None else current.alt - last.alt + (last.down or 0.0) * seconds
     horizontal = None if levels.horizontal is None else levels.horizontal + math.hypot(north, east)
     vertical = None if levels.vertical is None else levels.vertical + abs(up)
@@ -96,11 +95,14 @@ def unstated_sigmas(config: Config) -> Mapping[str, tuple[float, float]]:
 
 def differences(one: PositionState, other: PositionState) -> tuple[float, float | None]:
     """Horizontal and vertical difference [m], not negative; approximate beyond some hundred kilometres."""
-    meridian, normal = radii(other.lat)
-    north = (one.lat - other.lat) * meridian
-    east = math.remainder(one.lon - other.lon, 2.0 * math.pi) * normal * math.cos(other.lat)
     vertical = None if one.alt is None or other.alt is None else abs(one.alt - other.alt)
-    return math.hypot(north, east), vertical
+    return math.hypot(*_level_difference(one, other)), vertical
+
+
+def _level_difference(one: PositionState, other: PositionState) -> tuple[float, float]:
+    """North and east of one from the other [m]."""
+    per_lat, per_lon = metres_per_radian(other.lat, 0.0)
+    return (one.lat - other.lat) * per_lat, math.remainder(one.lon - other.lon, math.tau) * per_lon
 
 
 def _valid_sd(sd: float | None) -> float | None:

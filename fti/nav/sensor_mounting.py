@@ -6,14 +6,9 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fti.config import Device
-from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.formulas import mat_nb, rotate
 from fti.messages.measurements import ImuSample, MagneticField, Measurement
-
-Vector = tuple[float, float, float]
 
 
 class Mountings:
@@ -26,11 +21,8 @@ class Mountings:
     """
 
     def __init__(self, devices: Iterable[Device]) -> None:
-        self._mats = {
-            device.name: mat_from_rpy(*(math.radians(a) for a in device.rpy_bs_deg))
-            for device in devices
-            if any(device.rpy_bs_deg)
-        }
+        rotated = {device.name: device.rpy_bs_deg for device in devices if any(device.rpy_bs_deg)}
+        self._mats = {name: mat_nb(*(math.radians(a) for a in angles)) for name, angles in rotated.items()}
 
     def turn(self, device: str, m: Measurement) -> Measurement:
         """The measurement in the body frame; the same one where the case is aligned with the aircraft."""
@@ -38,13 +30,8 @@ class Mountings:
         if mat is None:
             return m
         if isinstance(m, MagneticField):
-            return dataclasses.replace(m, field_b=_rotate(mat, m.field_b))
+            return dataclasses.replace(m, field_b=rotate(mat, m.field_b))
         if isinstance(m, ImuSample):
-            accel, gyro = (None if v is None else _rotate(mat, v) for v in (m.accel_b, m.gyro_b))
+            accel, gyro = (None if v is None else rotate(mat, v) for v in (m.accel_b, m.gyro_b))
             return dataclasses.replace(m, accel_b=accel, gyro_b=gyro)
         return m
-
-
-def _rotate(mat_bs: NDArray[np.float64], v_s: Vector) -> Vector:
-    forward, right, down = (mat_bs @ v_s).tolist()
-    return forward, right, down

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from math import inf
 
 from fti.config import Device
-from fti.geodesy.one_point import radii
-from fti.geodesy.rotations import down_row
+from fti.geodesy.formulas import dot, down_row, mat_nb, metres_per_radian, rotate, wrap_half_turn
 from fti.messages.measurements import Attitude, Position, Velocity
-from fti.nav.time_series import SECOND_NS, Series, Value, wrap
+from fti.nav.time_series import SECOND_NS, Series, Value
 
 #: Limits of plausible values [rad, m, m/s]: some devices send larger ones if they are unknown, or after line errors.
 #: Angles in single precision exceed their limit by up to 2e-7.
@@ -137,7 +136,8 @@ class NavSource:
             return None
         heading = self._at("heading", t_ns)
         azimuth = heading.value % (2 * math.pi) if heading else None
-        bank = roll.value if abs(roll.value) <= math.pi else wrap(roll.value)  # between two entries near 180 deg
+        # between two entries near 180 deg it may be more
+        bank = roll.value if abs(roll.value) <= math.pi else wrap_half_turn(roll.value)
         tilt_sd = None if roll.sd is None or pitch.sd is None else max(roll.sd, pitch.sd)
         heading_sd = heading.sd if heading else None
         return AttitudeState(bank, pitch.value, azimuth, _held_sd(roll), _held_sd(pitch), tilt_sd, heading_sd)
@@ -164,7 +164,7 @@ class NavSource:
             return None
         north, east, down = self._velocity(t_ns)
         altitude = self._at("alt", t_ns, -(down or 0.0))
-        meridian, parallel = _metres_per_radian(latitude.value, altitude.value if altitude else 0.0)
+        meridian, parallel = metres_per_radian(latitude.value, altitude.value if altitude else 0.0)
         lat = self._at("lat", t_ns, (north or 0.0) / meridian)
         lon = self._at("lon", t_ns, (east or 0.0) / parallel)
         if lat is None or lon is None:
@@ -198,7 +198,7 @@ class NavSource:
         by_lat, by_lon = self._parts["lat"].slope(t_ns), self._parts["lon"].slope(t_ns)
         if lat is None or by_lat is None or by_lon is None:
             return None, None
-        meridian, parallel = _metres_per_radian(lat.value, 0.0)
+        meridian, parallel = metres_per_radian(lat.value, 0.0)
         north, east = _plausible_speed(by_lat * meridian), _plausible_speed(by_lon * parallel)
         return (north, east) if north is not None and east is not None else (None, None)
 
@@ -206,16 +206,9 @@ class NavSource:
         """The sensor's lever arm in north, east, down [m]; components are zero if the attitude is unknown."""
         if attitude is None or self._lever_arm_b == (0.0, 0.0, 0.0):
             return 0.0, 0.0, 0.0
-        x, y, z = self._lever_arm_b
-        row = down_row(attitude.roll, attitude.pitch)
-        down = row[0] * x + row[1] * y + row[2] * z
         if attitude.heading is None:
-            return 0.0, 0.0, down
-        sr, cr = math.sin(attitude.roll), math.cos(attitude.roll)
-        forward = math.cos(attitude.pitch) * x + math.sin(attitude.pitch) * (sr * y + cr * z)
-        right = cr * y - sr * z
-        sh, ch = math.sin(attitude.heading), math.cos(attitude.heading)
-        return ch * forward - sh * right, sh * forward + ch * right, down
+            return 0.0, 0.0, dot(down_row(attitude.roll, attitude.pitch), self._lever_arm_b)
+        return rotate(mat_nb(attitude.roll, attitude.pitch, attitude.heading), self._lever_arm_b)
 
     def _inflated_sd(self, value: Value) -> float | None:
         """Sigma of a value that was extrapolated over its age with a velocity."""
@@ -254,11 +247,5 @@ def _plausible_speed(speed: float | None) -> float | None:
 def _on_earth(lat: float, lon: float) -> tuple[float, float]:
     """The same position with lat in [-pi/2, pi/2], lon in [-pi, pi), also after an extrapolation over a pole."""
     if abs(lat) > math.pi / 2:
-        return math.copysign(math.pi, lat) - lat, wrap(lon + math.pi)
-    return lat, wrap(lon)
-
-
-def _metres_per_radian(lat: float, alt: float) -> tuple[float, float]:
-    """Metres per radian of latitude and of longitude."""
-    r_meridian, r_normal = radii(lat)
-    return r_meridian + alt, (r_normal + alt) * math.cos(lat)
+        return math.copysign(math.pi, lat) - lat, wrap_half_turn(lon + math.pi)
+    return lat, wrap_half_turn(lon)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
+
+from fti.geodesy.formulas import wrap_half_turn
 
 #: Number of stored entries: 0.6 s of a source at 400 Hz.
 MAX_ENTRIES = 256
@@ -25,11 +26,6 @@ class Value(NamedTuple):
     sd: float | None
     age_ns: int
     between_ns: int | None = None
-
-
-def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
-    return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
 class Series:
@@ -95,7 +91,7 @@ class Series:
         return self._difference(a, b) / ((times[last] - times[first]) / SECOND_NS)
 
     def _difference(self, a: float, b: float) -> float:
-        return wrap(b - a) if self._angle else b - a
+        return wrap_half_turn(b - a) if self._angle else b - a
 
     def _interpolate(self, i: int, t_ns: int) -> Value | None:
         """Between entries i - 1 and i; None if one of them was declared invalid."""

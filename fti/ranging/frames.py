@@ -18,18 +18,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.geodesy.rotations import mat_en
+from fti.geodesy.rotations import mat_en, rotate
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
 
 Array = NDArray[np.float64]
 
 
-def _rotate(mat: ArrayLike, vec: ArrayLike) -> Array:
-    return np.asarray((np.asarray(mat, np.float64) @ np.asarray(vec, np.float64)[..., None])[..., 0])
-
-
 def _rotate_back(mat: ArrayLike, vec: ArrayLike) -> Array:
-    return _rotate(np.swapaxes(np.asarray(mat, np.float64), -1, -2), vec)
+    return rotate(np.swapaxes(np.asarray(mat, np.float64), -1, -2), vec)
 
 
 def mat_sm(direction_s: ArrayLike) -> Array:
@@ -54,12 +50,12 @@ def in_sensor(slant_range: ArrayLike, mat_sm: ArrayLike) -> Array:
 
 def in_body(d_s: ArrayLike, mat_bs: ArrayLike, lever_arm_b: ArrayLike) -> Array:
     """d_b = mat_bs d_s + lever_arm_b, P to ground.  Eq. 2.38 with the sign of the lever arm corrected."""
-    return _rotate(mat_bs, d_s) + np.asarray(lever_arm_b, dtype=np.float64)
+    return rotate(mat_bs, d_s) + np.asarray(lever_arm_b, dtype=np.float64)
 
 
 def in_nav(d_b: ArrayLike, mat_nb: ArrayLike) -> Array:
     """d_n = mat_nb d_b, P to ground, north, east, down; its last component is the height of P above M.  Eq. 2.39."""
-    return _rotate(mat_nb, d_b)
+    return rotate(mat_nb, d_b)
 
 
 def point_e(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, d_n: ArrayLike) -> Array:
@@ -67,7 +63,7 @@ def point_e(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, d_n: ArrayLike) -> A
 
     lat, lon [rad], alt above the ellipsoid [m] : of P, floats or (...)
     """
-    return ecef_from_geodetic(lat, lon, alt) + _rotate(mat_en(lat, lon), d_n)
+    return ecef_from_geodetic(lat, lon, alt) + rotate(mat_en(lat, lon), d_n)
 
 
 def metres_per_geodetic(lat: ArrayLike, alt: ArrayLike) -> Array:
@@ -142,7 +138,7 @@ def range_over_level(
     Roll 20, pitch 5 deg, 300 m: 320.5 m.  NaN: the beam is level or looks up, or the sensor is under the ground.
     Source: eq. 2.47; its sign and its projection (a product with the cosine, where a division belongs) corrected.
     """
-    down = in_nav(_rotate(mat_bs, np.asarray(mat_sm, np.float64)[..., 2]), mat_nb)[..., 2]
+    down = in_nav(rotate(mat_bs, np.asarray(mat_sm, np.float64)[..., 2]), mat_nb)[..., 2]
     below = np.asarray(height_p, np.float64) - in_nav(lever_arm_b, mat_nb)[..., 2]
     meets = (down > 0.0) & (below >= 0.0)
     return np.where(meets, below / np.where(meets, down, 1.0), np.nan)

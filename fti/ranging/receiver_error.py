@@ -28,9 +28,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.formulas import rotate
+from fti.geodesy.rotations import rows_of
+from fti.kernel import kernel
 from fti.ranging.nearest import directions, ring_angles
 from fti.ranging.sensor import Poses
-from fti.terrain.kernel import kernel
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.ray_cast import cast_one
 from fti.terrain.ray_outcome import RayOutcome
@@ -70,12 +72,10 @@ class PossibleReceivers:
 def model_error(p: Pyramid, origin: Array, mat_ls: Array, rays: Array, square_angles: Array, predicted: float) -> float:
     """The model error [m] of one pose.  rays : (k, 3) of the sensor frame;  square_angles : (k,), in half beams"""
     ranges, squares = np.empty(len(rays)), np.empty(len(rays))
-    count = 0
+    rows, count = rows_of(mat_ls), 0
     for k in range(len(rays)):
         x, y, z = rays[k]
-        east = mat_ls[0, 0] * x + mat_ls[0, 1] * y + mat_ls[0, 2] * z
-        north = mat_ls[1, 0] * x + mat_ls[1, 1] * y + mat_ls[1, 2] * z
-        up = mat_ls[2, 0] * x + mat_ls[2, 1] * y + mat_ls[2, 2] * z
+        east, north, up = rotate(rows, (x, y, z))
         distance, outcome = cast_one(p, origin[0], origin[1], origin[2], east, north, up, math.inf)
         if outcome == _HIT:
             ranges[count], squares[count] = distance, square_angles[k]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
-from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.rotations import mat_from_rpy, rotate
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
@@ -96,7 +96,7 @@ def sensor_poses(
     mat_lb = mat_ln @ mat_from_rpy(*rpy)
     origins = frame.to_local(*position) + mat_lb @ np.asarray(lever_arm_b, dtype=np.float64)
     mats = mat_lb if mat_bs is None else mat_lb @ np.asarray(mat_bs, dtype=np.float64)
-    vels = (mat_ln @ np.asarray(vel_n, dtype=np.float64)[..., None])[..., 0]
+    vels = rotate(mat_ln, vel_n)
     origins, _, vels = np.broadcast_arrays(origins, mats[..., 0], vels)
     _, mats = np.broadcast_arrays(origins[..., None], mats)
     return Poses(origins.reshape(-1, 3), mats.reshape(-1, 3, 3), vels.reshape(-1, 3))

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_en
-from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.sensors.constellation import Constellation
 from fti.nav.least_squares import AltitudeObservation, RangeObservation, solve
 from fti.nav.radio.altitude_accuracy import UNIFORM, AltitudeSource, altimeter_sd, choose_altitude

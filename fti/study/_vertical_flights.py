@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.rotations import down_row
+from fti.geodesy.formulas import down_row
 from fti.nav.time_series import SECOND_NS
 from fti.nav.vertical.error_model import VerticalModel
 from fti.nav.vertical.inertial_height import HorizontalMotion, vertical_acceleration

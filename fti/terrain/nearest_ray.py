@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.kernel import kernel
+from fti.kernel import kernel
 from fti.terrain.pyramid import Pyramid, PyramidAddresses, layers_at
 from fti.terrain.ray_cast import first_event
 from fti.terrain.ray_outcome import RayOutcome

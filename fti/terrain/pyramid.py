@@ -23,7 +23,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from fti.terrain.kernel import kernel
+from fti.kernel import kernel
 from fti.terrain.surface import LAYER, Posts, Records, locate
 
 Array = NDArray[np.float64]

@@ -26,7 +26,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.kernel import kernel
+from fti.kernel import kernel
 from fti.terrain.pyramid import (
     Pyramid,
     PyramidAddresses,

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.kernel import kernel
+from fti.kernel import kernel
 from fti.terrain.layer import Layer
 
 Array = NDArray[np.float64]

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
+from fti.kernel import flatten
 from fti.terrain import surface
 from fti.terrain.file_info import NO_SOURCE, ElevationFileInfo
 from fti.terrain.layer import Layer
@@ -102,12 +103,12 @@ class Terrain:
 
     def up(self, east: ArrayLike, north: ArrayLike) -> Array:
         """``up`` [m] of the surface at east, north [m]; NaN outside the coverage and in a hole."""
-        shape, to_east, to_north = _flat(east, north)
+        shape, (to_east, to_north) = flatten(east, north)
         return surface.look_up(self.posts, to_east, to_north).reshape(shape)
 
     def gradient(self, east: ArrayLike, north: ArrayLike) -> tuple[Array, Array]:
         """d up / d east and d up / d north at east, north [m]; one-sided on a cell's edge, NaN where ``up`` is."""
-        shape, to_east, to_north = _flat(east, north)
+        shape, (to_east, to_north) = flatten(east, north)
         slope_east, slope_north = surface.slopes(self.posts, to_east, to_north)
         return slope_east.reshape(shape), slope_north.reshape(shape)
 
@@ -119,7 +120,7 @@ class Terrain:
 
     def source(self, east: ArrayLike, north: ArrayLike) -> Numbers:
         """Number of the source of the nearest post at east, north [m]; ``NO_SOURCE`` where ``up`` is NaN."""
-        shape, to_east, to_north = _flat(east, north)
+        shape, (to_east, to_north) = flatten(east, north)
         of_layer, posts = surface.nearest_posts(self.posts, to_east, to_north)
         sources = np.full(len(posts), NO_SOURCE, dtype=np.uint8)
         for k, layer in enumerate(self.layers):
@@ -130,7 +131,7 @@ class Terrain:
 
     def cell(self, east: ArrayLike, north: ArrayLike) -> Array:
         """Distance between the posts [m] of the layer that counts at east, north [m]; NaN outside the coverage."""
-        shape, to_east, to_north = _flat(east, north)
+        shape, (to_east, to_north) = flatten(east, north)
         of_layer, _ = surface.nearest_posts(self.posts, to_east, to_north)
         return np.append(self.posts.layers["cell"], np.nan)[of_layer].reshape(shape)
 
@@ -186,10 +187,3 @@ def _rows(vectors: Array, shape: tuple[int, ...]) -> Array:
     if vectors.size == 3:
         return np.ascontiguousarray(vectors).reshape(1, 3)
     return np.ascontiguousarray(np.broadcast_to(vectors, shape)).reshape(-1, 3)
-
-
-def _flat(east: ArrayLike, north: ArrayLike) -> tuple[tuple[int, ...], Array, Array]:
-    """The common shape of places, and east and north in one row each."""
-    places = np.broadcast_arrays(np.asarray(east, dtype=np.float64), np.asarray(north, dtype=np.float64))
-    to_east, to_north = (np.ascontiguousarray(place).reshape(-1) for place in places)
-    return places[0].shape, to_east, to_north

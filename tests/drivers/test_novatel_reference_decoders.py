@@ -18,7 +18,7 @@ from novatel_edie import ENCODE_FORMAT, NovatelEdieException, oem
 from fti.drivers import novatel_oem6 as novatel
 from fti.drivers.novatel_oem6.messages import name_of
 from fti.drivers.novatel_oem6.status import BITS
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.messages.measurements import (
     DeviceTime,
     Measurement,

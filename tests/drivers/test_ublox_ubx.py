@@ -22,7 +22,6 @@ from fti.config import bind
 from fti.drivers import nmea0183
 from fti.drivers import ublox_ubx as ubx
 from fti.drivers.ublox_ubx.frames import MAX_HELD_BYTES, crc24q, frame
-from fti.drivers.ublox_ubx.navigation import geodetic, to_ned
 from fti.drivers.ublox_ubx.table import NAMES, OUTPUTS, PORTS
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_en
@@ -351,16 +350,6 @@ def test_older_observations() -> None:
     assert [(o.system, o.number) for o in pseudoranges.observations] == [("gps", 5), ("sbas", 122), ("gps", 7)]
     assert [o.pseudorange for o in pseudoranges.observations] == [2e7, 2e7, None]
     assert [o.carrier_phase for o in pseudoranges.observations] == [1e8, None, None]
-
-
-def test_earth_centred_is_that_of_geodesy() -> None:
-    rng = np.random.default_rng(4)
-    for lat, lon, alt in rng.uniform((-1.57, -3.1, -500.0), (1.57, 3.1, 20_000.0), (50, 3)):
-        found = geodetic(*map(float, ecef_from_geodetic(lat, lon, alt)))
-        assert found == pytest.approx((lat, lon, alt), abs=1e-7)
-        vel_e = mat_en(lat, lon) @ np.array([30.0, -20.0, 1.0])
-        assert to_ned(lat, lon, *map(float, vel_e)) == pytest.approx((30.0, -20.0, 1.0), abs=1e-9)
-    assert all(map(math.isfinite, geodetic(0.0, 0.0, 0.0)))
 
 
 # ------------------------------------------------------------------------------------------------ validity and time

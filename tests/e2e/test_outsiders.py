@@ -31,7 +31,7 @@ from pymavlink import mavutil
 
 from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.geodesy.atmosphere import pressure_altitude
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.hil.emulator import DEMO_UNDULATION
 from fti.logger.reading.recording import Recording
 from tests.e2e.flights import emulator, emulator_log

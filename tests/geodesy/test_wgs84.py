@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.geodesy.wgs84 import SEMI_MAJOR, SEMI_MINOR, ecef_from_geodetic, geodetic_from_ecef, radii
+from fti.geodesy.formulas import SEMI_MAJOR, SEMI_MINOR
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
 
 LATS = st.floats(-np.pi / 2, np.pi / 2)
 LONS = st.floats(-np.pi, np.pi)

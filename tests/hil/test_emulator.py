@@ -18,7 +18,7 @@ from fti.clock import FakeClock, choose_epoch_ns
 from fti.config import CanLink, Config, SerialLink
 from fti.devices import bind_devices
 from fti.errors import ConfigError
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.hil.device_streams import StatusStream
 from fti.hil.emulator import Emulator, make_environment
 from fti.hil.environment import Environment

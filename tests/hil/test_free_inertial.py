@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.rotations import mat_en
-from fti.geodesy.wgs84 import EARTH_RATE, radii
+from fti.geodesy.wgs84 import radii
 from fti.hil.sensors.free_inertial import SCHULER, TAU_S, DriftSigmas, InertialSolution, drift_sd, run_free
 
 Array = NDArray[np.float64]

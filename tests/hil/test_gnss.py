@@ -18,8 +18,9 @@ from fti.constants import SPEED_OF_LIGHT
 from fti.devices import BoundDevice
 from fti.drivers import ublox_ubx
 from fti.drivers.ublox_ubx.raw import frequency_id
+from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.rotations import mat_en
-from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.environment import Environment
 from fti.hil.sensors import SimulatedSensor
 from fti.hil.sensors.constellation import GLONASS_CHANNELS, SYSTEMS, Constellation, dilution

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fti.config import Device
 from fti.devices import BoundDevice
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.hil.environment import Environment
 from fti.hil.scenario import Scenario
 from fti.hil.sensors.gnss_reception import (

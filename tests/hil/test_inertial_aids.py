@@ -13,7 +13,7 @@ from fti.config import Device
 from fti.devices import BoundDevice
 from fti.drivers import Decoder
 from fti.drivers import imar_ixcom as ix
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.inertial_aids import AID_RATES_HZ

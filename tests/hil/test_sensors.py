@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from fti import drivers
 from fti.config import Altimeter, Device
 from fti.devices import BoundDevice
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.geodesy.rotations import mat_en
-from fti.geodesy.wgs84 import SEMI_MAJOR, ecef_from_geodetic
+from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.base import position_at, sample_times, velocity_at

@@ -11,7 +11,7 @@ import pytest
 from fti import drivers
 from fti.constants import SPEED_OF_LIGHT
 from fti.drivers import novatel_oem6
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.messages.measurements import (
     Measurement,
     Position,

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from fti.config import Config, parse
-from fti.geodesy.wgs84 import EARTH_RATE
+from fti.geodesy.formulas import EARTH_RATE
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, RadioHeight, Stamp, Velocity
 from fti.messages.outputs import Event, FilterSolution, HeightAboveGround, Output
 from fti.messages.reasons import Reason

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from fti.config import Config, parse
+from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.local import LocalFrame
-from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.messages.measurements import Attitude, DmeRange, ImuSample, Measurement, Position, Range, Stamp, Velocity
 from fti.messages.outputs import (
     Compensation,

@@ -383,8 +383,8 @@ def test_a_gap_of_inertial_samples_begins_anew_and_finds_back(flight: FlightStat
 )
 def test_no_place_and_no_attitude_is_special(lat: float, lon: float, pitch: float) -> None:
     """Ten seconds of standstill with fixes: the output is a standstill, too."""
+    from fti.geodesy.formulas import EARTH_RATE
     from fti.geodesy.gravity import normal_gravity
-    from fti.geodesy.wgs84 import EARTH_RATE
 
     navigator = InertialNavigator(FilterModel(extras=GNSS_DRIFTS))
     mat_nb = mat_from_rpy(0.0, pitch, 0.3)

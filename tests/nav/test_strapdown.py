@@ -7,10 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.gravity import normal_gravity, transport_rate
 from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy
-from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic, geodetic_from_ecef, radii
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
 from fti.nav.inertial.strapdown import Motion, integrate, midpoints
 
 Array = NDArray[np.float64]

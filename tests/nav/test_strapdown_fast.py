@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy
-from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.nav.inertial.strapdown import Motion, integrate
 from fti.nav.inertial.strapdown_fast import integrate_fast
 

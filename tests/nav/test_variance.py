@@ -10,9 +10,7 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry.range_prediction import Prediction, Predictor
 from fti.nav.altimetry.variance import (
     ErrorModel,
-    dem_factor,
     footprint_covariance,
-    height_row,
     height_variance,
     pose_cov,
     range_row,
@@ -239,8 +237,9 @@ def test_over_level_ground_the_height_does_not_depend_on_p(roll_deg: float) -> N
     prediction = Predictor(sloping(0.0), LASER).predict_local(
         [0.0, 0.0, ABOVE], mat_from_rpy(math.radians(roll_deg), 0.0, 0.0)
     )
-    np.testing.assert_allclose(height_row(prediction, nearest=False)[0, :3], 0.0, atol=1e-12)
-    assert dem_factor(prediction, nearest=False)[0] * prediction.cosine[0] == pytest.approx(-1.0, rel=1e-12)
+    errors = ErrorModel(pose_cov(POSITION_SD, 0.0))
+    assert height_variance(prediction, errors, nearest=False)[0] == pytest.approx(0.0, abs=1e-12)
+    assert range_row(prediction, nearest=False)[0, 2] * prediction.cosine[0] == pytest.approx(-1.0, rel=1e-12)
 
 
 def test_errors_of_the_elevation_far_apart_do_not_cancel() -> None:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fti.geodesy.formulas import down_row
 from fti.geodesy.gravity import normal_gravity
-from fti.geodesy.rotations import down_row
 from fti.messages.reasons import Reason
 from fti.nav.vertical.inertial_height import HorizontalMotion, InertialHeight, vertical_acceleration
 from fti.nav.vertical.vertical_channel import HeightAiding, VerticalChannel, VerticalSettings, VerticalState

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fti.geodesy.gravity import FREE_AIR
+from fti.geodesy.formulas import FREE_AIR
 from fti.nav.vertical.error_model import ACCEL, ALTIMETER, CLIMB, HEIGHT, VerticalModel, system_matrix
 
 

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 from numba import __version__ as numba_version
 
-from fti.terrain import kernel, ray_cast, surface
+from fti import kernel
+from fti.terrain import ray_cast, surface
 from fti.terrain.kernel_warmup import warm_up
 
 #: The class ``fti.terrain.pyramid.Renamed``, which is not there: pickle refers to a class by its name.

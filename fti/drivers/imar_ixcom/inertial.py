@@ -18,10 +18,10 @@ import math
 import struct
 
 from fti.drivers.imar_ixcom.data_selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
-from fti.drivers.imar_ixcom.frame_rotation import Triple
 from fti.drivers.imar_ixcom.generic_values import all_finite, decode_generic_values, xyz
 from fti.drivers.imar_ixcom.wire import IxcomFrame
 from fti.formats.fast_messages import fast_class
+from fti.geodesy.formulas import Vector
 from fti.messages.measurements import ImuSample, Measurement, Stamp
 
 IMU = struct.Struct("<3f3f")
@@ -31,7 +31,7 @@ LOST = (math.nan, math.nan, math.nan)
 GRAVITY_FREE = (*xyz("accel_gravity_free", "m/s^2"), *xyz("gyro_earth_rate_free", "rad/s"))
 
 
-def decode_imu(stamp: Stamp, accel: Triple, gyro: Triple, selection: int) -> list[Measurement]:
+def decode_imu(stamp: Stamp, accel: Vector, gyro: Vector, selection: int) -> list[Measurement]:
     """The inertial sample of a message; selection : bits of the data selection."""
     if selection & IMU_GRAVITY_FREE:
         return [*decode_generic_values(stamp, GRAVITY_FREE, (*accel, *gyro))]

@@ -31,12 +31,11 @@ from fti.drivers.imar_ixcom.data_selection import (
 )
 from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.deviations import StandardDeviations
-from fti.drivers.imar_ixcom.frame_rotation import Triple, ned_from_body, ned_from_ecef
 from fti.drivers.imar_ixcom.generic_values import all_finite, nan_if_none
 from fti.drivers.imar_ixcom.inertial import LOST, decode_imu
 from fti.drivers.imar_ixcom.wire import IxcomFrame
 from fti.formats.fast_messages import fast_class
-from fti.formats.unit_factors import wrap_heading
+from fti.geodesy.formulas import Vector, mat_en, mat_nb, rotate, rotate_back, wrap_heading
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
 
 INSSOL = struct.Struct("<3f3f3f3fddfhH")
@@ -53,7 +52,7 @@ def decode_inssol(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measur
     """Inertial sample, attitude, velocity, position."""
     v = INSSOL.unpack(frame.payload)
     selection, sd = v[16] or decoder_state.options.data_selection, decoder_state.deviations(frame.stamp)
-    rpy: Triple | None = v[6:9]
+    rpy: Vector | None = v[6:9]
     if selection & RPY_DIN70000 or not all_finite(v[6], v[7], v[8]):
         rpy = None
     measurements = decode_imu(frame.stamp, v[0:3], v[3:6], selection)
@@ -64,7 +63,7 @@ def decode_inssol(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measur
     return measurements + _positions(frame, v, selection, sd)
 
 
-def _attitude(frame: IxcomFrame, rpy: Triple, sd: StandardDeviations) -> Attitude:
+def _attitude(frame: IxcomFrame, rpy: Vector, sd: StandardDeviations) -> Attitude:
     roll, pitch, yaw = rpy
     return new_attitude(
         stamp=frame.stamp,
@@ -78,21 +77,21 @@ def _attitude(frame: IxcomFrame, rpy: Triple, sd: StandardDeviations) -> Attitud
     )
 
 
-def _velocity(frame: IxcomFrame, ned: Triple, sd: StandardDeviations) -> Velocity:
+def _velocity(frame: IxcomFrame, ned: Vector, sd: StandardDeviations) -> Velocity:
     return new_velocity(
         stamp=frame.stamp, north=ned[0], east=ned[1], down=ned[2], sd=sd.velocity, valid=frame.footer.is_aligned
     )
 
 
-def _north_east_down(vel: Triple, selection: int, rpy: Triple | None, lat: float, lon: float) -> Triple | None:
+def _north_east_down(vel: Vector, selection: int, rpy: Vector | None, lat: float, lon: float) -> Vector | None:
     """The velocity of INSSOL; None if its frame or the rotation is unknown."""
     if selection & VEL_NED:
         return vel
     if selection & VEL_ENU:
         return vel[1], vel[0], -vel[2]
     if selection & VEL_ECEF:
-        return ned_from_ecef(vel, lat, lon) if all_finite(lat, lon) else None
-    return ned_from_body(vel, rpy) if selection & VEL_BODY and rpy else None
+        return rotate_back(mat_en(lat, lon), vel) if all_finite(lat, lon) else None
+    return rotate(mat_nb(*rpy), vel) if selection & VEL_BODY and rpy else None
 
 
 def _positions(frame: IxcomFrame, v: tuple[float, ...], selection: int, sd: StandardDeviations) -> list[Measurement]:
@@ -200,13 +199,13 @@ def encode_ned(velocity: Velocity) -> bytes:
     return THREE.pack(*_ned(velocity))
 
 
-def _rpy(attitude: Attitude | None) -> Triple:
+def _rpy(attitude: Attitude | None) -> Vector:
     return (
         (nan_if_none(attitude.roll), nan_if_none(attitude.pitch), nan_if_none(attitude.heading)) if attitude else LOST
     )
 
 
-def _ned(velocity: Velocity | None) -> Triple:
+def _ned(velocity: Velocity | None) -> Vector:
     return (nan_if_none(velocity.north), nan_if_none(velocity.east), nan_if_none(velocity.down)) if velocity else LOST
 
 

@@ -29,7 +29,8 @@ from fti.drivers.mavlink.sensors import (
 from fti.drivers.mavlink.system import MODES, STATES
 from fti.drivers.mavlink.wire import FRAME_MAX, Frames, header, layout, payload
 from fti.formats.device_time import device_time_ns
-from fti.formats.unit_factors import DEGREE, HECTOPASCAL, wrap_half_turn, wrap_heading
+from fti.formats.unit_factors import DEGREE, HECTOPASCAL
+from fti.geodesy.formulas import wrap_half_turn, wrap_heading
 from fti.messages.measurements import (
     Attitude,
     DeviceStatus,

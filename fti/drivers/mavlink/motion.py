@@ -15,7 +15,8 @@ from fti.drivers.mavlink.fields import (
     stamp_from_ns,
     stamp_from_us,
 )
-from fti.formats.unit_factors import DEGREE, wrap_heading
+from fti.formats.unit_factors import DEGREE
+from fti.geodesy.formulas import mat_from_quat, normalised, rpy_from_mat, wrap_heading
 from fti.messages.measurements import (
     Airspeed,
     Attitude,
@@ -53,9 +54,7 @@ def decode_quaternion(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurem
     norm = w * w + x * x + y * y + z * z
     if not 0.9 < norm < 1.1:  # NaN, too
         return measurements
-    roll = math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm)))
-    heading = wrap_heading(math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))
+    roll, pitch, heading = rpy_from_mat(mat_from_quat(*normalised(w, x, y, z)))
     return [*measurements, Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading)]
 
 

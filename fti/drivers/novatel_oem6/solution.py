@@ -18,7 +18,8 @@ import struct
 
 from fti.drivers.novatel_oem6.clock import finite_or_none, subtract_latency
 from fti.drivers.novatel_oem6.framing import NovatelHeader
-from fti.formats.unit_factors import DEGREE, wrap_heading
+from fti.formats.unit_factors import DEGREE
+from fti.geodesy.formulas import wrap_heading
 from fti.messages.measurements import Measurement, Position, Stamp, Velocity
 
 BESTPOS = struct.Struct("<IIdddfI3f4s2f8B")

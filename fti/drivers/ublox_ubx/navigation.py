@@ -8,7 +8,7 @@ from datetime import date
 
 from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS, ReceiverState, metres
 from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S, gps_ns, utc_ns
-from fti.formats.unit_factors import wrap_heading
+from fti.geodesy.formulas import geodetic_from_ecef, mat_en, rotate_back, wrap_heading
 from fti.messages.measurements import (
     Attitude,
     DeviceStatus,
@@ -39,9 +39,6 @@ MEASURED_FIXES = frozenset(FIXES[2:5])
 CARRIER = ("", "rtk_float", "rtk_fixed")
 #: The receiver's own limit of accuracy for a fix, factory default [m].
 ACCURACY_MASK = 100.0
-
-#: WGS84 (NIMA TR 8350.2); numpy is 20 times slower for single numbers.
-_A, _B, _E2, _E2_PRIME = 6378137.0, 6356752.314245179, 0.0066943799901413165, 0.006739496742276434
 
 
 def read_pvt(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
@@ -138,8 +135,8 @@ def read_sol(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measuremen
         receiver.clear_week()
     status = _status(stamp, kind, flags)
     receiver.fix = status.ok
-    lat, lon, alt = geodetic(x / 100, y / 100, z / 100)
-    north, east, down = to_ned(lat, lon, vx / 100, vy / 100, vz / 100)
+    lat, lon, alt = geodetic_from_ecef(x / 100, y / 100, z / 100)
+    north, east, down = rotate_back(mat_en(lat, lon), (vx / 100, vy / 100, vz / 100))
     sd = None if p_acc == UNKNOWN_U32 else p_acc / 100
     speed_sd = None if s_acc == UNKNOWN_U32 else s_acc / 100
     return [
@@ -150,28 +147,6 @@ def read_sol(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measuremen
             stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=sd, vertical_sd=sd, valid=status.ok
         ),
     ]  # fmt: skip
-
-
-def geodetic(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """lat, lon [rad], alt [m] of an earth-centred position [m]: ``fti.geodesy.wgs84`` for one point."""
-    p = math.hypot(x, y)
-    up, across = z, _B / _A * p
-    for _ in range(3):
-        norm = math.hypot(up, across) or 1.0
-        sin_lat = z + _E2_PRIME * _B * (up / norm) ** 3
-        cos_lat = p - _E2 * _A * (across / norm) ** 3
-        up, across = _B / _A * sin_lat, cos_lat
-    lat = math.atan2(sin_lat, cos_lat)
-    alt = p * math.cos(lat) + z * math.sin(lat) - _A * math.sqrt(1.0 - _E2 * math.sin(lat) ** 2)
-    return lat, math.atan2(y, x), alt
-
-
-def to_ned(lat: float, lon: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
-    """An earth-centred velocity as north, east, down."""
-    level = vx * math.cos(lon) + vy * math.sin(lon)
-    east = vy * math.cos(lon) - vx * math.sin(lon)
-    north = vz * math.cos(lat) - level * math.sin(lat)
-    return north, east, -level * math.cos(lat) - vz * math.sin(lat)
 
 
 def _is_trusted(receiver: ReceiverState, sd: float | None, limit: float) -> bool:

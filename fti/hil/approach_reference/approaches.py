@@ -15,7 +15,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.constants import FOOT
 from fti.hil.approach_reference.receivers import ReceiverVariant, measure
 from fti.hil.sensors.errors import gauss_markov_noise, white_noise
 from fti.messages.outputs import ClearanceIntegrity
@@ -25,7 +24,7 @@ from fti.nav.integrity.reference import ReferenceSensor
 from fti.nav.integrity.window import ClearanceSeries
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
-from fti.ranging.radar.quantise import QUANTISATION_FT
+from fti.ranging.radar.altimeter import quantisation_steps
 from fti.ranging.sensor import Poses, sensor_poses
 from fti.terrain.terrain import Terrain
 
@@ -108,17 +107,14 @@ class AltimeterModel:
         return np.asarray(np.hypot(self.noise_sd, self.step(height) / np.sqrt(12.0)))
 
 
-def _ra4500_step(height: Array) -> Array:
-    tops, steps = np.array(QUANTISATION_FT, dtype=np.float64).T
-    return np.asarray(steps[np.searchsorted(tops[:-1], height / FOOT)] * FOOT)
-
-
 def _laser_step(height: Array) -> Array:
     return np.full(np.shape(height), 0.01)
 
 
 #: FreeFlight RA-4500: 25 Hz, steps of the driver's table, and 0.3 m of noise.
-RA4500 = AltimeterModel(ReferenceSensor(kind="radar", beam_deg=40.0), rate_hz=25.0, noise_sd=0.3, step=_ra4500_step)
+RA4500 = AltimeterModel(
+    ReferenceSensor(kind="radar", beam_deg=40.0), rate_hz=25.0, noise_sd=0.3, step=quantisation_steps
+)
 #: A survey-grade laser: 25 Hz, 0.1 m, steps of 1 cm.
 LASER = AltimeterModel(ReferenceSensor(kind="laser", beam_deg=0.1), rate_hz=25.0, noise_sd=0.1, step=_laser_step)
 MODELS = {"ra4500": RA4500, "laser": LASER}

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from fti.hil.approach_reference.approaches import NOMINAL, AltimeterModel, TerrainGround, approach_altitude
 from fti.hil.approach_reference.options import TaskRunner, run_serially
 from fti.hil.approach_reference.receivers import ReceiverVariant, measure, stated_receiver
+from fti.kernel import kernel
 from fti.nav.integrity.approach import ApproachPath
-from fti.terrain.kernel import kernel
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]

@@ -30,12 +30,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
+from fti.kernel import kernel
 from fti.nav.integrity.reference import ReferenceSensor
 from fti.ranging.laser import Laser
 from fti.ranging.radar.beam import trace_pose
 from fti.ranging.radar.dome import Dome, half_dome
 from fti.ranging.sensor import Poses
-from fti.terrain.kernel import kernel
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain

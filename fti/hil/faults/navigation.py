@@ -7,6 +7,7 @@ from collections import Counter, deque
 from collections.abc import Hashable
 from dataclasses import replace
 
+from fti.geodesy.formulas import wrap_half_turn
 from fti.hil.tables.fault_types import AttitudeOffset, Latency, SwappedCoordinates, Undulation
 from fti.hil.tables.quantity_names import NAME_FIELDS
 from fti.messages.measurements import Attitude, Measurement, Position, Reading
@@ -39,7 +40,7 @@ def _turn_attitude(m: Measurement, fault: AttitudeOffset) -> Measurement:
     roll, pitch = math.radians(fault.roll_deg), math.radians(fault.pitch_deg)
     return replace(
         m,
-        roll=None if m.roll is None else (m.roll + roll + math.pi) % math.tau - math.pi,
+        roll=None if m.roll is None else wrap_half_turn(m.roll + roll),
         pitch=None if m.pitch is None else m.pitch + pitch,
         heading=None if m.heading is None else (m.heading + heading) % math.tau,
     )

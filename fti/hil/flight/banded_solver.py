@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.kernel import kernel
+from fti.kernel import kernel
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT
-from fti.geodesy.wgs84 import EARTH_RATE
+from fti.geodesy.formulas import EARTH_RATE
 
 Array = NDArray[np.float64]
 

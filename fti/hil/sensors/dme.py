@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import NAUTICAL_MILE
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.hil.environment import Environment
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.errors import gauss_markov_noise

@@ -61,7 +61,7 @@ class InertialSolution:
         return Motion(
             ecef_from_geodetic(self.lat[0], self.lon[0], self.alt[0]),
             mat @ self.vel_n[0],
-            quat_from_mat((mat @ mat_from_rpy(*self.rpy[0]))[None])[0],
+            quat_from_mat(mat @ mat_from_rpy(*self.rpy[0])),
         )
 
 
@@ -122,7 +122,7 @@ def _up_e(pos_e: Array) -> tuple[Array, float]:
 def _up_b(motion: Motion) -> Array:
     """Unit vector upwards in body axes, shape (3,)."""
     quat = motion.quat_eb / np.linalg.norm(motion.quat_eb)
-    return np.asarray(mat_from_quat(quat[None])[0].T @ _up_e(motion.pos_e)[0])
+    return np.asarray(mat_from_quat(quat).T @ _up_e(motion.pos_e)[0])
 
 
 class DriftSigmas(NamedTuple):

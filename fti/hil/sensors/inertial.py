@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.devices import BoundDevice
+from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.gravity import normal_gravity, transport_rate
 from fti.geodesy.rotations import mat_en, mat_from_rpy
-from fti.geodesy.wgs84 import EARTH_RATE
 from fti.hil.environment import Environment, mounting
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.faults.inertial import bias_steps

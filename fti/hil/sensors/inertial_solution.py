@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import STANDARD_GRAVITY
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.geodesy.rotations import mat_from_rpy
-from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.air_data import AirSettings

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.config import Device, Vector
-from fti.geodesy.rotations import down_row, mat_from_rpy
+from fti.geodesy.formulas import dot, down_row, mat_nb, rotate
 from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN
 
 if TYPE_CHECKING:
@@ -67,22 +67,17 @@ def mounting_of(device: Device) -> Mounting:
 
 def boresight(rpy_bs_deg: Vector) -> Vector:
     """The beam axis in the body frame: mat_bs (0 0 1)^T for the mounting angles roll, pitch, yaw [deg]."""
-    forward, right, down = mat_from_rpy(*(math.radians(a) for a in rpy_bs_deg))[:, 2].tolist()
-    return forward, right, down
-
-
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return rotate(mat_nb(*(math.radians(a) for a in rpy_bs_deg)), (0.0, 0.0, 1.0))
 
 
 def lever_arm_drop(arm_b: Vector, roll: float, pitch: float) -> float:
     """Distance of the end of a lever arm from P [m] below P: (0 0 1) mat_nb arm_b."""
-    return _dot(down_row(roll, pitch), arm_b)
+    return dot(down_row(roll, pitch), arm_b)
 
 
 def tilt_of(mounting: Mounting, roll: float, pitch: float) -> float:
     """Angle between the beam axis and the vertical [rad], 0..pi."""
-    return math.acos(max(-1.0, min(1.0, _dot(down_row(roll, pitch), mounting.boresight_b))))
+    return math.acos(max(-1.0, min(1.0, dot(down_row(roll, pitch), mounting.boresight_b))))
 
 
 def height_at_p(
@@ -146,7 +141,7 @@ def _attitude_gradient(slant_range: float, roll: float, pitch: float, mounting: 
     tilt = tilt_of(mounting, roll, pitch)
     excess = tilt - mounting.half_beam
     beam = slant_range * math.sin(excess) / math.sin(tilt) if excess > 0.0 and tilt > 0.0 else 0.0
-    by_roll, by_pitch = (beam * _dot(row, mounting.boresight_b) + _dot(row, mounting.lever_arm_b) for row in rows)
+    by_roll, by_pitch = (beam * dot(row, mounting.boresight_b) + dot(row, mounting.lever_arm_b) for row in rows)
     return by_roll, by_pitch
 
 

@@ -23,6 +23,7 @@ from fti.messages.reasons import Reason
 from fti.nav.altimetry import scalar_kernels
 from fti.nav.altimetry.compensation import mounting_of, nonlinear_tilt_sd, tilt_of
 from fti.nav.altimetry.expected_sample import ExpectedSample, ExpectedSampleOrReason, NoGround
+from fti.nav.altimetry.nadir_height import ground_sd
 from fti.nav.altimetry.range_prediction import AT_EDGE
 from fti.nav.altimetry.sigmas import (
     MAX_SD,
@@ -38,9 +39,8 @@ from fti.ranging.nearest import directions, ring_angles
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.edge import edge_at
-from fti.ranging.radar.single_pose import SinglePoseRadar
 from fti.ranging.receiver_error import PossibleReceivers, model_error
-from fti.ranging.sensor import Validity
+from fti.ranging.sensor import Poses, Validity
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.terrain import Terrain
 
@@ -127,9 +127,7 @@ class NearestReturnModel(RadarRangeModel):
         slant_range, x, y, spread, outcome = scalar_kernels.nearest_return(
             self._pyramid, origin_l, mat_ls, self._angles, self._rays, self._half, self._max_range
         )
-        off = math.hypot(x, y)
-        scale = math.sin(off) / off if off > 0.0 else 1.0
-        return slant_range, np.array([x * scale, y * scale, math.cos(off)]), spread, Validity(outcome)
+        return slant_range, directions(np.array([[x, y]]))[0], spread, Validity(outcome)
 
     def is_at_edge(self, ray_s: Array) -> bool:
         """Whether the ray lies on the cone of half the beam width."""
@@ -141,11 +139,13 @@ class WholeBeamModel(RadarRangeModel):
 
     def __init__(self, terrain: Terrain, sensor: RadarAltimeter) -> None:
         super().__init__(terrain.pyramid, sensor.model_beam)
-        self._terrain, self._sensor = terrain, SinglePoseRadar(sensor)
+        self._terrain, self._sensor = terrain, sensor
 
     def predict(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
         """The leading edge."""
-        return self._sensor.predict(self._terrain, origin_l, mat_ls, vel_l)
+        found = self._sensor.measure(self._terrain, Poses(origin_l[None], mat_ls[None], vel_l[None]))
+        slant_range, dispersion = float(found.slant_range[0]), float(found.dispersion[0])
+        return slant_range, found.direction_s[0], dispersion, Validity(found.validity[0])
 
 
 def max_cast_range(altimeter: Altimeter) -> float:
@@ -190,11 +190,10 @@ class AltimeterPredictor:
             return Reason.NO_ALTITUDE if position.alt is None else Reason.NO_HEADING
         if not abs(position.alt) <= MAX_ALT_M:
             return Reason.NO_ALTITUDE
-        mat_nb = scalar_kernels.rotation(attitude.roll, attitude.pitch, attitude.heading)
-        place = (position.lat, position.lon, position.alt)
+        place, rpy = (position.lat, position.lon, position.alt), (attitude.roll, attitude.pitch, attitude.heading)
         frame = self._frame
         at_l, mat_ln, mat_ls, lever_n = scalar_kernels.locate_sensor(
-            frame.origin_e, frame.mat_le, *place, mat_nb, self._lever_b, self._mat_bs
+            frame.origin_e, frame.mat_le, place, rpy, self._lever_b, self._mat_bs
         )
         vel_n = np.array([v or 0.0 for v in (position.north, position.east, position.down)])
         origin_l = at_l + mat_ln @ lever_n
@@ -223,8 +222,8 @@ class AltimeterPredictor:
         sd = math.hypot(instrument, math.hypot(vertical, ground_sd) / cosine, by_tilt)
         return NoGround(self._scale * self._max_cast_range + self._bias, sd)
 
-    def _expected_sample(self, slant_range: float, spread: float, outputs: Array) -> ExpectedSample:
-        height, cosine, incidence, range_sd, height_sd, ground_sd = outputs.tolist()
+    def _expected_sample(self, slant_range: float, spread: float, outputs: scalar_kernels.Row) -> ExpectedSample:
+        height, cosine, incidence, range_sd, height_sd, ground_sd = outputs
         return ExpectedSample(
             slant_range=self._scale * slant_range + self._bias,
             range_sd=range_sd,
@@ -261,4 +260,5 @@ def warm_up(device: Device, ground: Ground) -> None:
     up = float(np.nan_to_num(ground.terrain.height(frame.lat0, frame.lon0)))
     for alt in (up + 100.0, up - 100.0):
         position = PositionState(frame.lat0, frame.lon0, alt, None, None, 0.0, 0.0, 0.0, 0)
+        ground_sd(ground.terrain, (0.0, 0.0, up), 1.0)
         predictor.predict(NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), position, None, None), None)

@@ -10,15 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.messages.outputs import HeightAboveGround
 from fti.messages.reasons import Reason
+from fti.nav.altimetry.scalar_kernels import ground_sds
 from fti.nav.altimetry.sigmas import POSITION_SD_UNKNOWN, stated_sd
 from fti.nav.source_interpolation import PositionState
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
-
-#: Directions around N.
-N_DIRECTIONS = 8
 
 
 def ground_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float) -> Array:
@@ -33,11 +31,8 @@ def ground_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float) -> Ar
     horizontal_sd : of the position against the terrain, each axis [m]
     Returns NaN where the ground at N or around it is unknown.
     """
-    east, north, _ = np.moveaxis(np.atleast_2d(np.asarray(points_l, dtype=np.float64)), -1, 0)
-    turn = 2.0 * np.pi * np.arange(N_DIRECTIONS)[:, None] / N_DIRECTIONS
-    radius = np.sqrt(2.0) * horizontal_sd
-    heights = terrain.up(east + radius * np.sin(turn), north + radius * np.cos(turn))
-    return np.asarray(np.sqrt(np.mean((heights - terrain.up(east, north)) ** 2, axis=0)))
+    points = np.array(np.atleast_2d(np.asarray(points_l, dtype=np.float64)), order="C")
+    return ground_sds(terrain.pyramid, points, float(horizontal_sd))
 
 
 def ground_below(terrain: Terrain, position: PositionState) -> tuple[float, float] | None:

@@ -19,12 +19,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.kernel import kernel
+from fti.geodesy.formulas import cross
+from fti.kernel import kernel
 from fti.terrain.pyramid import Pyramid, PyramidAddresses, heights_at, layers_at
 from fti.terrain.surface import Posts, surface
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Fixed-point steps of a footprint: each contracts with slope x tan(look angle), 0.33 at 30 deg each.
 _FOOTPRINT_STEPS = 4
@@ -51,7 +51,7 @@ def _up(q: PyramidAddresses, at: Array, mat_ln: Array, north: float, east: float
 
 
 @kernel
-def _height_over_nadir(q: PyramidAddresses, at: Array, mat_ln: Array, north: float, east: float, down: float) -> float:
+def height_over_nadir(q: PyramidAddresses, at: Array, mat_ln: Array, north: float, east: float, down: float) -> float:
     """h(P) - h(N) [m] of a P moved by that displacement."""
     height = 0.0
     moved = at[2] + mat_ln[2, 0] * north + mat_ln[2, 1] * east + mat_ln[2, 2] * down
@@ -74,16 +74,15 @@ def mean_square_errors(
     q = p.addresses  # a call with the argument p counts references and takes longer
     way = slant_range * u + lever
     point = at + mat_ln @ way
-    height = _height_over_nadir(q, at, mat_ln, 0.0, 0.0, 0.0)
+    height = height_over_nadir(q, at, mat_ln, 0.0, 0.0, 0.0)
     ground = _up(q, point, mat_ln, 0.0, 0.0, 0.0)
     total, count, of_range, met = 0.0, 0, 0.0, 0
     for k in range(len(trials)):
         x, psi = trials[k, :3], trials[k, 3:]
-        change = _height_over_nadir(q, at, mat_ln, x[0], x[1], x[2]) - height
+        change = height_over_nadir(q, at, mat_ln, x[0], x[1], x[2]) - height
         arm = lever if nearest else way
-        v = x + np.array(
-            [psi[1] * arm[2] - psi[2] * arm[1], psi[2] * arm[0] - psi[0] * arm[2], psi[0] * arm[1] - psi[1] * arm[0]]
-        )
+        turn_n, turn_e, turn_d = cross((psi[0], psi[1], psi[2]), (arm[0], arm[1], arm[2]))
+        v = x + np.array([turn_n, turn_e, turn_d])
         if nearest:
             nearer = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
             change += u[2] * nearer
@@ -102,15 +101,3 @@ def mean_square_errors(
             met += 1
     n_trials = len(trials)
     return total / count if 2 * count >= n_trials else math.nan, of_range / met if 2 * met >= n_trials else math.nan
-
-
-@kernel
-def mean_square_errors_of_poses(
-    p: Pyramid, at: Array, mats_ln: Array, levers: Array, u: Array, slant_ranges: Array, trials: Array, nearest: Mask
-) -> Array:
-    """``mean_square_errors`` of n poses (n, 2); trials : (n, k, 6);  nearest : (n,)."""
-    mean_squares = np.empty((len(at), 2))
-    for i in range(len(at)):
-        pose = at[i], mats_ln[i], levers[i], u[i]
-        mean_squares[i] = mean_square_errors(p, *pose, slant_ranges[i], trials[i], nearest[i])
-    return mean_squares

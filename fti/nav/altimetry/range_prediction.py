@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import MAT_ENU_NED
-from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.rotations import mat_from_rpy, rotate
+from fti.nav.altimetry.scalar_kernels import Look, look_all, spread
 from fti.ranging.nearest import NearestReturn, directions, ring_angles
 from fti.ranging.receiver_error import PossibleReceivers
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
@@ -35,8 +36,6 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-#: P over N is found by fixed-point steps that contract with slope x lean of the plumb line, 1e-3 each.
-_NADIR_STEPS = 3
 #: Share of half the width from which a ray lies at the edge of its beam.
 AT_EDGE = 0.999
 
@@ -90,6 +89,12 @@ class Prediction:
     def cosine(self) -> Array:
         """cos(theta) of the predicted ray (n,)."""
         return self.direction_n[:, 2]
+
+    @property
+    def looks(self) -> Look:
+        """For the loops of ``scalar_kernels``."""
+        arrays = self.place_l, self.mats_ln, self.lever_n, self.slant_range, self.direction_n, self.normal_n
+        return Look._make(np.array(x, order="C") for x in (*arrays, self.point_l, self.height_p))
 
     @property
     def rise(self) -> Array:
@@ -150,30 +155,25 @@ class Predictor:
         nb, ln = np.broadcast_to(nb, (*n, 3, 3)), np.broadcast_to(ln, (*n, 3, 3))
         lever_n = nb @ np.asarray(self.lever_arm_b, dtype=np.float64)
         mats_ls = ln @ nb if self.mat_bs is None else ln @ nb @ self.mat_bs
-        poses = Poses(points + _rotate(ln, lever_n), mats_ls, _rotate(ln, vels))
+        poses = Poses(points + rotate(ln, lever_n), mats_ls, rotate(ln, vels))
         returns = self.sensor.measure(self.terrain, poses)
         return self._predict(points, poses, ln, lever_n, returns)
 
     def _predict(self, points: Array, poses: Poses, mats_ln: Array, lever_n: Array, returns: Returns) -> Prediction:
-        rays_l = _rotate(poses.mats_ls, returns.direction_s)
-        point_l = poses.origins_l + returns.slant_range[:, None] * rays_l
-        mats_nl = np.swapaxes(mats_ln, -1, -2)
-        direction_n = _rotate(mats_nl, rays_l)
-        height_p = _height_over_nadir(self.terrain, points, mats_ln[:, :, 2])
-        nadir_l = points + height_p[:, None] * mats_ln[:, :, 2]
-        normal_n, nadir_n = (-_rotate(mats_nl, self.terrain.normal(at[:, 0], at[:, 1])) for at in (point_l, nadir_l))
-        cosine = np.sum(direction_n * normal_n, axis=-1)
+        inputs = points, mats_ln, lever_n, returns.slant_range, rotate(poses.mats_ls, returns.direction_s)
+        own = (np.array(value, order="C") for value in inputs)
+        u, normals, met, nadirs, heights, incidences = look_all(self.terrain.pyramid, *own)
         return Prediction(
             slant_range=returns.slant_range,
-            height_p=height_p,
+            height_p=heights,
             lever_n=lever_n,
-            direction_n=direction_n,
-            normal_n=normal_n,
-            nadir_n=nadir_n,
-            incidence=np.arccos(np.clip(cosine, -1.0, 1.0)),
+            direction_n=u,
+            normal_n=normals,
+            nadir_n=nadirs,
+            incidence=incidences,
             dispersion=_dispersion(self.terrain, self.sensor, poses, returns),
             place_l=points,
-            point_l=point_l,
+            point_l=met,
             mats_ln=mats_ln,
             validity=returns.validity,
             model_sd=_model_sd(self.terrain, self.sensor, poses, returns),
@@ -185,19 +185,6 @@ def _finite_or_nan(value: ArrayLike) -> Array:
     """The value with infinities as NaN."""
     number = np.asarray(value, dtype=np.float64)
     return np.where(np.isfinite(number), number, np.nan)
-
-
-def _rotate(mats: Array, vectors: Array) -> Array:
-    return np.asarray((mats @ vectors[..., None])[..., 0])
-
-
-def _height_over_nadir(terrain: Terrain, points_l: Array, downs_l: Array) -> Array:
-    """h(P) - h(N) (n,) [m] along the plumb lines ``downs_l`` (n, 3); NaN over unknown ground."""
-    height = np.zeros(len(points_l))
-    for _ in range(_NADIR_STEPS):
-        east, north = (points_l[:, k] + height * downs_l[:, k] for k in (0, 1))
-        height = (points_l[:, 2] - terrain.up(east, north)) / -downs_l[:, 2]
-    return height
 
 
 def _at_edge(sensor: RangingSensor, returns: Returns) -> NDArray[np.bool_]:
@@ -216,9 +203,8 @@ def _dispersion(terrain: Terrain, sensor: RangingSensor, poses: Poses, returns: 
     """Dispersion of the model; for the nearest return, which has none, over the rays of its bundle that meet ground."""
     if not isinstance(sensor, NearestReturn):
         return returns.dispersion
-    spread = np.full(len(poses), np.nan)
+    spreads = np.full(len(poses), np.nan)
     rays_s = directions(ring_angles(sensor.beam_width, sensor.rings))
     for k in np.flatnonzero(returns.valid):
-        rays_l = rays_s @ poses.mats_ls[k].T
-        spread[k] = np.nanstd(terrain.cast(poses.origins_l[k], rays_l, sensor.max_range))
-    return spread
+        spreads[k] = spread(terrain.pyramid, poses.origins_l[k], poses.mats_ls[k], rays_s, sensor.max_range)
+    return spreads

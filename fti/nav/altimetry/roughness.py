@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.kernel import kernel
+from fti.kernel import kernel
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.surface import Posts, locate, surface
 
@@ -60,14 +60,3 @@ def rough_height_variance(p: Pyramid, at: Array, point: Array, a: float) -> floa
     apart = math.hypot(point[0] - at[0], point[1] - at[1])
     together = math.exp(-apart / cell_at(p, at[0], at[1]))
     return below * below + a * a * at_point * at_point - 2.0 * together * a * below * at_point
-
-
-@kernel
-def rough_variances(p: Pyramid, at: Array, points: Array, a: Array) -> Array:
-    """``rough_height_variance`` of n poses, and the variance of the roughness at M alone: (n, 2) [m^2]."""
-    variances = np.full((len(at), 2), math.nan)
-    for i in range(len(at)):
-        if math.isfinite(at[i].sum() + points[i].sum()):
-            variances[i, 0] = rough_height_variance(p, at[i], points[i], a[i])
-            variances[i, 1] = roughness(p, points[i, 0], points[i, 1]) ** 2
-    return variances

@@ -29,9 +29,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.nav.altimetry.pose_error_propagation import TRIALS, mean_square_errors_of_poses
+from fti.nav.altimetry.pose_error_propagation import TRIALS
 from fti.nav.altimetry.range_prediction import Prediction
-from fti.nav.altimetry.roughness import rough_variances
+from fti.nav.altimetry.scalar_kernels import Errors, all_plane_variances, all_range_rows, all_sampled_variances
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -65,58 +65,30 @@ def pose_cov(position_sd: ArrayLike, attitude_sd: ArrayLike) -> Array:
 
 
 def range_row(prediction: Prediction, *, nearest: bool) -> Array:
-    """dd / d(dP, psi): (n, 6), the row H of a range; (1) without DEM and instrument.
+    """dd / d(dP, psi): (n, 6), the row H of a range; (1) without DEM and instrument.  Its third column is dd / dh_dem.
 
     nearest : whether the beam measures its nearest return; otherwise a pencil along u
     Level ground, roll 45 deg, pencil: dd/dP_D = -1.414; the projected form of eq. 3.44 gives -0.707.
     """
-    normal, along = _normal_along(prediction, nearest=nearest)
-    way = _vector_to_ground(prediction)
-    return np.asarray(-np.concatenate((normal, np.cross(way, normal)), axis=-1) / along[:, None])
-
-
-def dem_factor(prediction: Prediction, *, nearest: bool) -> Array:
-    """dd / dh_dem (n,): n_D / (n . u), negative."""
-    normal, along = _normal_along(prediction, nearest=nearest)
-    return np.asarray(-normal[:, 2] / along)
+    return all_range_rows(prediction.looks, _is_fixed_point(prediction, nearest=nearest))
 
 
 def range_variance(prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Variance of measured minus predicted range (n,) [m^2]: (1) squared, with its cross terms.  Eq. 3.20, 3.21."""
-    row, dem = range_row(prediction, nearest=nearest), dem_factor(prediction, nearest=nearest)
-    return _quadratic(row, errors.pose_cov) + (dem * errors.dem_sd) ** 2 + _range_noise(prediction, errors)
-
-
-def height_row(prediction: Prediction, *, nearest: bool) -> Array:
-    """Jacobian of the compensated height of P over N by the errors of the pose: (n, 6).
-
-        h = h(P) - h(N) + (d_measured - d_predicted) cos(theta)
-
-    Over parallel ground at N and M the error of P cancels: the height error is that of the instrument.
-    """
-    to_nadir = np.zeros((len(prediction), 6))
-    to_nadir[:, :3] = -prediction.nadir_n / prediction.nadir_n[:, 2:]
-    return to_nadir - prediction.cosine[:, None] * range_row(prediction, nearest=nearest)
+    return _plane_variances(prediction, errors, nearest=nearest)[:, 0]
 
 
 def height_variance(prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Variance of the compensated height of P over the true ground below (n,) [m^2].  Section 3.2.1.
 
+        h = h(P) - h(N) + (d_measured - d_predicted) cos(theta)
         Var = row P row' + s_dem^2 (1 + a^2 - 2 r a) + (s_range cos(theta))^2,        a = cos(theta) n_D / (n . u)
 
-    r = exp(-distance / ``dem_length``), distance from M to N: straight down, and for a bias on parallel ground, the
-    error of the elevation model cancels as well.
+    row is the Jacobian of h: over parallel ground at N and M the error of P cancels.  r = exp(-distance /
+    ``dem_length``), distance from M to N: straight down, and for a bias on parallel ground, the error of the elevation
+    model cancels as well.
     """
-    a = -prediction.cosine * dem_factor(prediction, nearest=nearest)
-    by_pose = _quadratic(height_row(prediction, nearest=nearest), errors.pose_cov)
-    return by_pose + _dem_variance(prediction, errors, a) + _range_noise(prediction, errors) * prediction.cosine**2
-
-
-def _dem_variance(prediction: Prediction, errors: ErrorModel, a: Array) -> Array:
-    """Variance of the elevation error at N minus a times the one at M (n,) [m^2]."""
-    way = _vector_to_ground(prediction)
-    together = np.exp(-np.hypot(way[:, 0], way[:, 1]) / errors.dem_length)
-    return np.asarray(errors.dem_sd**2 * (1.0 + a**2 - 2.0 * together * a))
+    return _plane_variances(prediction, errors, nearest=nearest)[:, 1]
 
 
 def sampled_height_variance(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
@@ -133,10 +105,7 @@ def sampled_height_variance(terrain: Terrain, prediction: Prediction, errors: Er
     The formulas of h(xi) are in ``fti.nav.altimetry.pose_error_propagation``; a = 1, of a nearest return
     cos(theta)^2.
     """
-    spread = _sampled_variances(terrain, prediction, errors, nearest=nearest)[:, 0]
-    a = np.where(_is_fixed_point(prediction, nearest=nearest), prediction.cosine**2, 1.0)
-    elevation = _dem_variance(prediction, errors, a) + _rough_variances(terrain, prediction, a)[:, 0]
-    return np.asarray(spread + elevation + _range_noise(prediction, errors) * prediction.cosine**2)
+    return _sampled_variances(terrain, prediction, errors, nearest=nearest)[:, 1]
 
 
 def sampled_range_variance(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
@@ -147,32 +116,28 @@ def sampled_range_variance(terrain: Terrain, prediction: Prediction, errors: Err
     with s_M the roughness at M (``fti.nav.altimetry.roughness``).  It equals ``range_variance`` on a plane.  For a
     nearest return, whose point stays fixed, and where the surrounding ground is unknown, it is that plus the s_M term.
     """
-    plane = range_variance(prediction, errors, nearest=nearest)
-    spread = _sampled_variances(terrain, prediction, errors, nearest=nearest)[:, 1]
-    dem = dem_factor(prediction, nearest=nearest) ** 2
-    sampled = spread + dem * errors.dem_sd**2 + _range_noise(prediction, errors)
-    rough = dem * _rough_variances(terrain, prediction, dem)[:, 1]
-    return np.where(np.isfinite(sampled) & ~_is_fixed_point(prediction, nearest=nearest), sampled, plane) + rough
+    return _sampled_variances(terrain, prediction, errors, nearest=nearest)[:, 0]
 
 
-def _rough_variances(terrain: Terrain, prediction: Prediction, a: Array) -> Array:
-    """Variances of a height and of the ground at M by the terrain between the posts (n, 2) [m^2]."""
-    at, points, share = (np.ascontiguousarray(x, dtype=np.float64) for x in (prediction.place_l, prediction.point_l, a))
-    return np.asarray(rough_variances(terrain.pyramid, at, points, share))
+def _plane_variances(prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+    """Variances of range and height over planes (n, 2) [m^2]."""
+    fixed = _is_fixed_point(prediction, nearest=nearest)
+    return all_plane_variances(prediction.looks, prediction.nadir_n, _errors(prediction, errors), fixed)
 
 
 def _sampled_variances(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
-    """Variances of height and range by the errors of the pose (n, 2) [m^2]."""
+    """Variances of range and height over sampled ground (n, 2) [m^2]."""
+    fixed = _is_fixed_point(prediction, nearest=nearest)
+    return all_sampled_variances(terrain.pyramid, prediction.looks, _errors(prediction, errors), fixed)
+
+
+def _errors(prediction: Prediction, errors: ErrorModel) -> Errors:
+    """For the loops over n poses; s_range is that of the instrument and of the receiver model."""
     n = len(prediction)
-    stays = _is_fixed_point(prediction, nearest=nearest)
-    trials = np.broadcast_to(TRIALS @ _root(errors.pose_cov), (n, *TRIALS.shape))
-    at, mats, levers, rays, trials = (
-        np.ascontiguousarray(x)
-        for x in (prediction.place_l, prediction.mats_ln, prediction.lever_n, prediction.direction_n, trials)
-    )
-    return np.asarray(
-        mean_square_errors_of_poses(terrain.pyramid, at, mats, levers, rays, prediction.slant_range, trials, stays)
-    )
+    cov = np.array(np.broadcast_to(errors.pose_cov, (n, 6, 6)), order="C")
+    trials = np.array(np.broadcast_to(TRIALS @ _root(errors.pose_cov), (n, *TRIALS.shape)), order="C")
+    range_var = np.array(np.broadcast_to(np.square(errors.range_sd) + np.square(prediction.model_sd), n))
+    return Errors(cov, trials, range_var, float(errors.dem_sd), float(errors.dem_length))
 
 
 def footprint_covariance(prediction: Prediction, errors: ErrorModel) -> Array:
@@ -186,15 +151,11 @@ def footprint_covariance(prediction: Prediction, errors: ErrorModel) -> Array:
     jacobian = np.concatenate(
         (np.broadcast_to(np.eye(3), (len(prediction), 3, 3)), -_skew(_vector_to_ground(prediction))), axis=-1
     )
-    jacobian = jacobian + prediction.direction_n[:, :, None] * range_row(prediction, nearest=False)[:, None, :]
-    raised = dem_factor(prediction, nearest=False)[:, None] * prediction.direction_n * errors.dem_sd
+    row = range_row(prediction, nearest=False)
+    jacobian = jacobian + prediction.direction_n[:, :, None] * row[:, None, :]
+    raised = row[:, 2:3] * prediction.direction_n * errors.dem_sd
     by_pose = jacobian @ errors.pose_cov @ np.swapaxes(jacobian, -1, -2)
     return np.asarray(by_pose + raised[:, :, None] * raised[:, None, :])
-
-
-def _range_noise(prediction: Prediction, errors: ErrorModel) -> Array:
-    """s_range^2 (n,) [m^2]: of the instrument and of the receiver model."""
-    return np.asarray(np.square(errors.range_sd) + np.square(prediction.model_sd))
 
 
 def _vector_to_ground(prediction: Prediction) -> Array:
@@ -210,22 +171,9 @@ def _root(cov: Array) -> Array:
     return np.where(known, root, np.nan)
 
 
-def _normal_along(prediction: Prediction, *, nearest: bool) -> tuple[Array, Array]:
-    """n and n . u of (1)."""
-    normal = np.where(
-        _is_fixed_point(prediction, nearest=nearest)[:, None], prediction.direction_n, prediction.normal_n
-    )
-    return normal, np.sum(normal * prediction.direction_n, axis=-1)
-
-
 def _is_fixed_point(prediction: Prediction, *, nearest: bool) -> NDArray[np.bool_]:
     """Whether the measured point stays fixed when the pose changes (n,): not for a pencil or at the beam's edge."""
     return np.asarray(~prediction.at_edge & nearest)
-
-
-def _quadratic(row: Array, cov: Array) -> Array:
-    """row P row' of each (n, 6)."""
-    return np.asarray(((row[:, None, :] @ cov) @ row[:, :, None])[:, 0, 0])
 
 
 def _skew(vectors: Array) -> Array:

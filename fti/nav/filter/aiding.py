@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.one_point import ecef_from_geodetic
+from fti.geodesy.formulas import ecef_from_geodetic
 from fti.nav.filter import antenna
 from fti.nav.filter.error_states import Extra
 from fti.nav.filter.estimate import Estimate

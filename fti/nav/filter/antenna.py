@@ -9,15 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
-from fti.nav.filter.geodetic_kernels import axes, ecef, geodetic
-from fti.nav.filter.kernels import EXTRAS, GYRO_BIAS, matrix
+from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, Vector, cross, ecef_from_geodetic, rotate, rotate_back
+from fti.geodesy.rotations import rows_of
+from fti.kernel import kernel
+from fti.nav.filter.kernels import EXTRAS, GYRO_BIAS, axes, geodetic, matrix
 from fti.nav.inertial.ins_error_model import GYRO, POS, TURN, VEL
-from fti.nav.inertial.strapdown_fast import cross
-from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
-Vector = tuple[float, float, float]
 Matrices = tuple[Array, Array, Array]
 
 
@@ -31,8 +29,8 @@ def position(y: Array, geodetic_pos: Vector, arm_b: Vector, sds: Vector, rows: i
     """
     own_lat, own_lon, own_alt = geodetic(y)
     mat_en = axes(own_lat, own_lon)
-    measured_e = ecef(geodetic_pos[0], geodetic_pos[1], geodetic_pos[2] if rows == 3 else own_alt)
-    arm_e = _rotated(matrix(y), arm_b)
+    measured_e = ecef_from_geodetic(geodetic_pos[0], geodetic_pos[1], geodetic_pos[2] if rows == 3 else own_alt)
+    arm_e = rotate(rows_of(matrix(y)), arm_b)
     z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
     for i in range(rows):
         for j in range(3):
@@ -56,7 +54,7 @@ def velocity(  # noqa: PLR0917
     own_lat, own_lon, _ = geodetic(y)
     mat_en, mat_eb = axes(own_lat, own_lon), matrix(y)
     rate_b = _rate_eb_b(y, imu, mat_eb)
-    rotation_e = _rotated(mat_eb, cross(rate_b[0], rate_b[1], rate_b[2], arm_b[0], arm_b[1], arm_b[2]))
+    rotation_e = rotate(rows_of(mat_eb), cross(rate_b, arm_b))
     z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
     for i in range(rows):
         axis_e = (mat_en[0, i], mat_en[1, i], mat_en[2, i])
@@ -66,7 +64,7 @@ def velocity(  # noqa: PLR0917
             H[i, VEL + j] = axis_e[j]
         _enter_cross(H[i], TURN, rotation_e, axis_e)
         if biased:
-            _enter_cross(H[i], GYRO, _rotated(mat_eb.T, axis_e), arm_b)
+            _enter_cross(H[i], GYRO, rotate_back(rows_of(mat_eb), axis_e), arm_b)
         R[i, i] = sd**2
     return z, H, R
 
@@ -79,18 +77,9 @@ def _rate_eb_b(y: Array, imu: Array, mat_eb: Array) -> Vector:
 
 
 @kernel
-def _rotated(mat: Array, v: Vector) -> Vector:
-    return (
-        mat[0, 0] * v[0] + mat[0, 1] * v[1] + mat[0, 2] * v[2],
-        mat[1, 0] * v[0] + mat[1, 1] * v[1] + mat[1, 2] * v[2],
-        mat[2, 0] * v[0] + mat[2, 1] * v[1] + mat[2, 2] * v[2],
-    )
-
-
-@kernel
 def _enter_cross(row: Array, at: int, a: Vector, b: Vector) -> None:
     """A x b into three columns."""
-    row[at], row[at + 1], row[at + 2] = cross(a[0], a[1], a[2], b[0], b[1], b[2])
+    row[at], row[at + 1], row[at + 2] = cross(a, b)
 
 
 def warm_up() -> None:

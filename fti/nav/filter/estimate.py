@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fti.geodesy.quaternions import quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.nav.filter import geodetic_kernels, kernels
+from fti.nav.filter import kernels
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.kernels import EXTRAS
 from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
@@ -44,12 +44,12 @@ class Estimate:
     @functools.cached_property
     def geodetic(self) -> tuple[float, float, float]:
         """lat, lon [rad], alt above the ellipsoid [m] of P."""
-        return geodetic_kernels.geodetic(self.y)
+        return kernels.geodetic(self.y)
 
     @functools.cached_property
     def mat_en(self) -> Array:
         """North, east, down here to e."""
-        return geodetic_kernels.axes(*self.geodetic[:2])
+        return kernels.axes(*self.geodetic[:2])
 
     @functools.cached_property
     def mat_eb(self) -> Array:
@@ -130,7 +130,7 @@ class InitialState:
     def estimate(self, t_ns: int, imu: Array, model: FilterModel) -> Estimate:
         """The first estimate; biases and extras are zero."""
         to_e = mat_en(self.lat, self.lon)
-        quat = quat_from_mat((to_e @ mat_from_rpy(self.roll, self.pitch, self.heading))[None])[0]
+        quat = quat_from_mat(to_e @ mat_from_rpy(self.roll, self.pitch, self.heading))
         slow = np.zeros(6 + len(model.extras))
         y = np.concatenate((ecef_from_geodetic(self.lat, self.lon, self.alt), to_e @ self.vel_n, quat, slow))
         return Estimate(t_ns, y, self.covariance(model), imu, model)

@@ -11,8 +11,8 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.formulas import metres_per_radian
 from fti.geodesy.rotations import rpy_from_mat
-from fti.geodesy.wgs84 import radii
 from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import GnssHeight, GnssPosition, GnssVelocity, Vector
 from fti.nav.filter.estimate import InitialState
@@ -113,17 +113,16 @@ class Aligner:
         (fix_ns, fix), (_, velocity) = self._position, self._velocities[-1]
         alt, down = fix.alt or 0.0, velocity.down or 0.0
         seconds = (t_ns - fix_ns) / SECOND_NS
-        r_meridian, r_normal = radii(fix.lat)
-        parallel = max((float(r_normal) + alt) * float(np.cos(fix.lat)), 1.0)
+        per_lat, per_lon = metres_per_radian(fix.lat, alt)
         arm, aged = float(np.linalg.norm(fix.lever_arm_b)), abs(seconds)
-        lat = float(np.clip(fix.lat + seconds * velocity.north / (float(r_meridian) + alt), -np.pi / 2, np.pi / 2))
+        lat = float(np.clip(fix.lat + seconds * velocity.north / per_lat, -np.pi / 2, np.pi / 2))
         horizontal, vertical = (
             FIRST_FIX_SD_FACTOR * float(np.hypot(sd, arm + aged)) for sd in (fix.horizontal_sd, fix.vertical_sd)
         )
         turn = max(attitude_sd[:2])
         return InitialState(
             lat=lat,
-            lon=fix.lon + seconds * velocity.east / parallel,
+            lon=fix.lon + seconds * velocity.east / max(per_lon, 1.0),
             alt=alt - seconds * down,
             vel_n=(velocity.north, velocity.east, down),
             roll=attitude[0],

@@ -12,10 +12,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.formulas import (
+    SEMI_MAJOR,
+    Vector,
+    geodetic_from_ecef,
+    mat_en,
+    mat_from_quat,
+    normalised,
+    quat_from_turn,
+    quat_product,
+)
+from fti.kernel import kernel
 from fti.nav.inertial.ins_error_model import ACCEL, BIASED, GYRO, TURN, VEL, noise, rates, transition
 from fti.nav.inertial.strapdown_fast import move
-from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -264,14 +273,19 @@ def health(y: Array, P: Array) -> tuple[bool, float, float]:
 @kernel
 def matrix(y: Array) -> Array:
     """mat_eb of an estimate."""
-    w, a, b, c = y[QUAT], y[QUAT + 1], y[QUAT + 2], y[QUAT + 3]
-    return np.array(
-        [
-            [1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - w * c), 2.0 * (a * c + w * b)],
-            [2.0 * (a * b + w * c), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c - w * a)],
-            [2.0 * (a * c - w * b), 2.0 * (b * c + w * a), 1.0 - 2.0 * (a * a + b * b)],
-        ]
-    )
+    return np.array(mat_from_quat(y[QUAT], y[QUAT + 1], y[QUAT + 2], y[QUAT + 3]))
+
+
+@kernel
+def geodetic(y: Array) -> Vector:
+    """lat, lon [rad], alt above the ellipsoid [m] of an estimate."""
+    return geodetic_from_ecef(y[0], y[1], y[2])
+
+
+@kernel
+def axes(lat: float, lon: float) -> Array:
+    """mat_en (3, 3): north, east, down at lat, lon [rad] to e."""
+    return np.array(mat_en(lat, lon))
 
 
 @kernel
@@ -380,15 +394,9 @@ def correct(y: Array, x: Array, extras: int) -> None:
     """Correct the estimate by the estimated error, in place.  extras : their number"""
     base = len(x) - extras
     y[0:QUAT] += x[0:TURN]
-    half = 0.5 * np.sqrt(x[TURN] ** 2 + x[TURN + 1] ** 2 + x[TURN + 2] ** 2)
-    scale = 0.5 * (np.sin(half) / half if half > 1e-8 else 1.0)
-    a, b, c, d = np.cos(half), scale * x[TURN], scale * x[TURN + 1], scale * x[TURN + 2]
-    w, p, q, r = y[QUAT], y[QUAT + 1], y[QUAT + 2], y[QUAT + 3]
-    y[QUAT] = a * w - b * p - c * q - d * r
-    y[QUAT + 1] = a * p + b * w + c * r - d * q
-    y[QUAT + 2] = a * q - b * r + c * w + d * p
-    y[QUAT + 3] = a * r + b * q - c * p + d * w
-    y[QUAT:ACCEL_BIAS] /= np.sqrt(np.sum(y[QUAT:ACCEL_BIAS] ** 2))
+    quat_eb = (y[QUAT], y[QUAT + 1], y[QUAT + 2], y[QUAT + 3])
+    w, p, q, r = quat_product(quat_from_turn(x[TURN], x[TURN + 1], x[TURN + 2]), quat_eb)
+    y[QUAT], y[QUAT + 1], y[QUAT + 2], y[QUAT + 3] = normalised(w, p, q, r)
     if base == BIASED:
         y[ACCEL_BIAS:EXTRAS] += x[ACCEL:BIASED]
     if extras > 0:

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.messages.outputs import FilterMode, FilterSolution
 from fti.messages.reasons import Reason
-from fti.nav.filter import antenna, geodetic_kernels, kernels
+from fti.nav.filter import antenna, kernels
 from fti.nav.filter.aiding import Aiding, GnssHeight, GnssPosition, SlantRange
 from fti.nav.filter.delayed_measurements import InnovationRecord, Timeline
 from fti.nav.filter.error_states import FilterModel
@@ -316,7 +316,6 @@ def warm_up() -> None:
     kernels.separate(y, P, y, P, estimate.mat_en, 0.1)
     kernels.is_within(np.zeros(6), MAX_IMU)
     kernels.health(y, P)
-    geodetic_kernels.warm_up()
     antenna.warm_up()
     x = np.zeros(len(P))
     kernels.fuse(x, P, np.zeros(1), np.zeros((1, len(P))), np.eye(1))

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import FOOT, STANDARD_GRAVITY
-from fti.geodesy.wgs84 import EARTH_RATE
-from fti.terrain.kernel import kernel
+from fti.geodesy.formulas import EARTH_RATE
+from fti.kernel import kernel
 
 Array = NDArray[np.float64]
 

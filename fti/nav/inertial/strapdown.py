@@ -23,17 +23,13 @@ the equations in n; tests/nav/test_strapdown.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.gravity import FREE_AIR, somigliana
-from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
-from fti.nav.inertial.normal_height_kernel import normal_at
-from fti.terrain.kernel import kernel
+from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, normal_at, normal_gravity, rotate_by_quat
+from fti.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -43,8 +39,6 @@ BOWRING_STEPS = 2
 POINTS = 6
 #: Rows of the memory of a step.
 MEMORY = 7
-
-_somigliana = cast(Callable[[float], float], kernel(somigliana))  # for one point
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,16 +153,12 @@ def _rates(y: Array, sensors: Array, rates: Array) -> None:
     """The three differential equations."""
     vx, vy = y[3], y[4]
     w, x, y_, z = y[6], y[7], y[8], y[9]
-    length_sq = w * w + x * x + y_ * y_ + z * z
-    fx, fy, fz = sensors[0], sensors[1], sensors[2]
-    # mat_eb f_b = f + 2 u x (u x f + w f) / |q|^2 with the vector part u
-    cx, cy, cz = y_ * fz - z * fy + w * fx, z * fx - x * fz + w * fy, x * fy - y_ * fx + w * fz
-    scale = 2.0 / length_sq
+    fx, fy, fz = rotate_by_quat((w, x, y_, z), (sensors[0], sensors[1], sensors[2]))
     gx, gy, gz = gravity_e(y[0], y[1], y[2])
     rates[0], rates[1], rates[2] = y[3], y[4], y[5]
-    rates[3] = fx + scale * (y_ * cz - z * cy) + gx + 2.0 * EARTH_RATE * vy
-    rates[4] = fy + scale * (z * cx - x * cz) + gy - 2.0 * EARTH_RATE * vx
-    rates[5] = fz + scale * (x * cy - y_ * cx) + gz
+    rates[3] = fx + gx + 2.0 * EARTH_RATE * vy
+    rates[4] = fy + gy - 2.0 * EARTH_RATE * vx
+    rates[5] = fz + gz
     p, q, r = sensors[3], sensors[4], sensors[5]
     rates[6] = 0.5 * (-x * p - y_ * q - z * r + EARTH_RATE * z)
     rates[7] = 0.5 * (w * p + y_ * r - z * q + EARTH_RATE * y_)
@@ -181,6 +171,6 @@ def gravity_e(x: float, y: float, z: float) -> tuple[float, float, float]:
     """Normal gravity at x_e [m], e frame [m/s^2]."""
     across = np.hypot(x, y)
     sin_lat, cos_lat, alt = normal_at(across, z, BOWRING_STEPS)
-    gravity = _somigliana(sin_lat**2) - FREE_AIR * alt
+    gravity = normal_gravity(sin_lat, alt)
     outwards = -gravity * cos_lat / across if across > 0.0 else 0.0
     return outwards * x, outwards * y, -gravity * sin_lat

@@ -18,12 +18,14 @@ Groves 2013, section 5.3 (earth frame).  Checked against: the high-order strapdo
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
+from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, cross, normalised, quat_from_turn, quat_product, rotate_by_quat
+from fti.kernel import kernel
 from fti.nav.inertial.strapdown import Motion, gravity_e
-from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -75,7 +77,7 @@ def move(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
     step        : [s]
     """
     ax, ay, az = _increment(first, last, bend, step)
-    ex, ey, ez = _rotate(y[6], y[7], y[8], y[9], ax, ay, az)
+    ex, ey, ez = rotate_by_quat((y[6], y[7], y[8], y[9]), (ax, ay, az))
     lean = 0.5 * EARTH_RATE * step
     ex, ey = ex + lean * ey, ey - lean * ex
     gx, gy, gz = gravity_e(y[0] + 0.5 * step * y[3], y[1] + 0.5 * step * y[4], y[2] + 0.5 * step * y[5])
@@ -93,62 +95,32 @@ def move(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
 
 
 @kernel
-def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:  # noqa: PLR0917
-    """The product (a, b, c) x (x, y, z)."""
-    return b * z - c * y, c * x - a * z, a * y - b * x
-
-
-@kernel
-def _rotate(w: float, x: float, y: float, z: float, a: float, b: float, c: float) -> tuple[float, float, float]:  # noqa: PLR0917
-    """A vector turned by a quaternion of any length."""
-    p, q, r = cross(x, y, z, a, b, c)
-    p, q, r = p + w * a, q + w * b, r + w * c
-    scale = 2.0 / (w * w + x * x + y * y + z * z)
-    i, j, k = cross(x, y, z, p, q, r)
-    return a + scale * i, b + scale * j, c + scale * k
-
-
-@kernel
 def _increment(first: Array, last: Array, bend: Array, step: float) -> tuple[float, float, float]:
     """Integral of the specific force over the step, in body axes at its beginning [m/s]."""
-    result = np.empty(3)
-    fx, fy, fz = 0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2])
-    wx, wy, wz = 0.5 * (first[3] + last[3]), 0.5 * (first[4] + last[4]), 0.5 * (first[5] + last[5])
+    force, turn = (first[0], first[1], first[2]), (first[3], first[4], first[5])
+    more_force = last[0] - first[0], last[1] - first[1], last[2] - first[2]
+    more_turn = last[3] - first[3], last[4] - first[4], last[5] - first[5]
+    mean_force = 0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2])
+    mean_turn = 0.5 * (first[3] + last[3]), 0.5 * (first[4] + last[4]), 0.5 * (first[5] + last[5])
     # alpha = w1 t + dw t^2 / 2T, f = f1 + df t / T: the integral of alpha x f term by term
-    df0, df1, df2 = last[0] - first[0], last[1] - first[1], last[2] - first[2]
-    dw0, dw1, dw2 = last[3] - first[3], last[4] - first[4], last[5] - first[5]
-    a0, a1, a2 = cross(first[3], first[4], first[5], first[0], first[1], first[2])
-    b0, b1, b2 = cross(first[3], first[4], first[5], df0, df1, df2)
-    c0, c1, c2 = cross(dw0, dw1, dw2, first[0], first[1], first[2])
-    d0, d1, d2 = cross(dw0, dw1, dw2, df0, df1, df2)
-    p, q, r = cross(wx, wy, wz, fx, fy, fz)
-    e0, e1, e2 = cross(wx, wy, wz, p, q, r)
+    a, b = cross(turn, force), cross(turn, more_force)
+    c, d = cross(more_turn, force), cross(more_turn, more_force)
+    e = cross(mean_turn, cross(mean_turn, mean_force))
     s2, s3 = step * step, step * step * step / 6.0
-    e0, e1, e2 = e0 - 0.5 * bend[0], e1 - 0.5 * bend[1], e2 - 0.5 * bend[2]
-    result[0] = step * fx + s2 * (a0 / 2.0 + b0 / 3.0 + c0 / 6.0 + d0 / 8.0) + s3 * e0
-    result[1] = step * fy + s2 * (a1 / 2.0 + b1 / 3.0 + c1 / 6.0 + d1 / 8.0) + s3 * e1
-    result[2] = step * fz + s2 * (a2 / 2.0 + b2 / 3.0 + c2 / 6.0 + d2 / 8.0) + s3 * e2
-    return result[0], result[1], result[2]
+    return (
+        step * mean_force[0] + s2 * (a[0] / 2.0 + b[0] / 3.0 + c[0] / 6.0 + d[0] / 8.0) + s3 * (e[0] - 0.5 * bend[0]),
+        step * mean_force[1] + s2 * (a[1] / 2.0 + b[1] / 3.0 + c[1] / 6.0 + d[1] / 8.0) + s3 * (e[1] - 0.5 * bend[1]),
+        step * mean_force[2] + s2 * (a[2] / 2.0 + b[2] / 3.0 + c[2] / 6.0 + d[2] / 8.0) + s3 * (e[2] - 0.5 * bend[2]),
+    )
 
 
 @kernel
 def _turn(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
     """q(-omega_ie T) q_eb q(theta), normalised."""
-    c0, c1, c2 = cross(first[3], first[4], first[5], last[3], last[4], last[5])
+    c0, c1, c2 = cross((first[3], first[4], first[5]), (last[3], last[4], last[5]))
     t0 = 0.5 * step * (first[3] + last[3]) + step * step * (c0 - step * bend[3]) / 12.0
     t1 = 0.5 * step * (first[4] + last[4]) + step * step * (c1 - step * bend[4]) / 12.0
     t2 = 0.5 * step * (first[5] + last[5]) + step * step * (c2 - step * bend[5]) / 12.0
-    half = 0.5 * np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-    scale = 0.5 * (np.sin(half) / half if half > 1e-8 else 1.0)
-    a, b, c, d = np.cos(half), scale * t0, scale * t1, scale * t2
-    w, x, v, z = y[6], y[7], y[8], y[9]
-    w, x, v, z = (
-        w * a - x * b - v * c - z * d,
-        w * b + x * a + v * d - z * c,
-        w * c - x * d + v * a + z * b,
-        w * d + x * c - v * b + z * a,
-    )
-    e, h = np.cos(0.5 * EARTH_RATE * step), np.sin(0.5 * EARTH_RATE * step)
-    w, x, v, z = e * w + h * z, e * x + h * v, e * v - h * x, e * z - h * w
-    norm = np.sqrt(w * w + x * x + v * v + z * z)
-    y[6], y[7], y[8], y[9] = w / norm, x / norm, v / norm, z / norm
+    w, x, v, z = quat_product((y[6], y[7], y[8], y[9]), quat_from_turn(t0, t1, t2))
+    e, h = math.cos(0.5 * EARTH_RATE * step), math.sin(0.5 * EARTH_RATE * step)
+    y[6], y[7], y[8], y[9] = normalised(e * w + h * z, e * x + h * v, e * v - h * x, e * z - h * w)

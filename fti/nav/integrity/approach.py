@@ -13,22 +13,21 @@ Source: Spiegel 2018, 7.2.2, made exact; ICAO Doc 8168 for the geometry of GPI.
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from fti.config import Positive, StrictModel, bind, parse_toml
-from fti.geodesy import wgs84
+from fti.geodesy.formulas import SEMI_MAJOR, SEMI_MINOR
 from fti.geodesy.local import LocalFrame
-from fti.geodesy.one_point import to_local
 from fti.nav.integrity.ground_track import GroundTrack, TrackLeg
 
 Array = NDArray[np.float64]
 
 #: Mean radius of the Earth, (2 a + b) / 3 [m].
-EARTH_RADIUS = (2 * wgs84.SEMI_MAJOR + wgs84.SEMI_MINOR) / 3
+EARTH_RADIUS = (2 * SEMI_MAJOR + SEMI_MINOR) / 3
 
 
 class Airfield(StrictModel):
@@ -76,8 +75,7 @@ class ApproachPath:
     def to_path(self, lat: ArrayLike, lon: ArrayLike) -> tuple[Array, Array]:
         """Path length s to GPI and offset y right of the track [m] of positions lat, lon [rad], any shape."""
         enu = self.frame.to_local(lat, lon, self.alt_gpi)
-        east, north = enu[..., 0], enu[..., 1]
-        back, right = -(east * self._sin + north * self._cos), east * self._cos - north * self._sin
+        back, right = self._back_right(enu[..., 0], enu[..., 1])
         return self._track.to_path(back, right) if self._track else (back, right)
 
     def to_path_one(self, lat: float, lon: float) -> tuple[float, float]:
@@ -85,7 +83,11 @@ class ApproachPath:
         if self._track:
             s, y = self.to_path(lat, lon)
             return float(s), float(y)
-        east, north, _ = to_local(self.frame, lat, lon, self.alt_gpi)
+        east, north, _ = self.frame.point_to_local(lat, lon, self.alt_gpi)
+        return self._back_right(east, north)
+
+    def _back_right(self, east: Any, north: Any) -> tuple[Any, Any]:
+        """Coordinates along and across the course, of numbers or arrays [m]."""
         return -(east * self._sin + north * self._cos), east * self._cos - north * self._sin
 
     def to_geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:

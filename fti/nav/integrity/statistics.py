@@ -33,9 +33,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.kernel import kernel
 from fti.nav.integrity.reference import MARGIN_M, ApproachReference
 from fti.nav.integrity.window import Bins
-from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 

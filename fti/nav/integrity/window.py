@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.kernel import kernel
 from fti.nav.integrity.reference import ApproachReference
-from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,13 @@ import math
 from dataclasses import dataclass
 from itertools import combinations
 
+from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.measurements import Attitude
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN, MAX_PART_VALUES
-from fti.nav.time_series import SECOND_NS, Series, Value, wrap
+from fti.nav.time_series import SECOND_NS, Series, Value
 
 LIMITS = {"roll": math.radians(1.0), "pitch": math.radians(1.0), "heading": math.radians(5.0)}
 #: Sigma of a heading that states none [rad].
@@ -109,8 +110,8 @@ class AttitudeComparison:
             unknown = HEADING_SD_UNKNOWN if name == "heading" else ATTITUDE_SD_UNKNOWN
             rate = max(abs(one.slope(at_ns, SECOND_NS // 2, SECOND_NS // 10) or 0.0) for one in series)
             sd = math.hypot(first.sd or unknown, second.sd or unknown, rate * TIME_SD_S)
-            if abs(wrap(first.value - second.value)) > K_FALSE * sd + limit:
-                degrees = math.degrees(wrap(first.value - second.value))
+            if abs(wrap_half_turn(first.value - second.value)) > K_FALSE * sd + limit:
+                degrees = math.degrees(wrap_half_turn(first.value - second.value))
                 return f"{name} of {pair[0]} and {pair[1]} differ by {degrees:+.1f} deg"
         return "" if compared else None
 

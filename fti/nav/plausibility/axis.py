@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from fti.config import SourceLimits
+from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.reasons import Reason
 from fti.nav.plausibility import scatter
 from fti.nav.plausibility.budget import K_CLOSURE, K_FALSE, K_JUMP
@@ -28,7 +29,7 @@ from fti.nav.plausibility.repetition import UNKNOWN_STEP_M, RepetitionTest
 from fti.nav.plausibility.resolution import ResolutionEstimator
 from fti.nav.plausibility.sigmas import VELOCITY_TAU_S, WHITE_SHARE, FixInterval, FixSigma, difference_variance
 from fti.nav.plausibility.velocity_integral import Integral, VelocityIntegral
-from fti.nav.time_series import SECOND_NS, wrap
+from fti.nav.time_series import SECOND_NS
 
 #: Minimum time between tested fixes [ns].
 MIN_STEP_NS = 80_000_000
@@ -243,7 +244,7 @@ class AxisTests:
             self.contradiction.lose()
 
     def _difference(self, value: float, last: AxisFix) -> float:
-        return wrap(value - last.value) if self._is_angle else value - last.value
+        return wrap_half_turn(value - last.value) if self._is_angle else value - last.value
 
     def _displacement(self, fix: AxisFix) -> float:
         assert self._last is not None

@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.outputs import FilterMode, FilterSolution
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.attitude import TIME_SD_S, AttitudeComparison
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
-from fti.nav.time_series import SECOND_NS, wrap
+from fti.nav.time_series import SECOND_NS
 
 LIMITS = {"roll": math.radians(2.0), "pitch": math.radians(2.0), "heading": math.radians(5.0)}
 #: Maximum sigma of the tilt of a filter that refuses [rad].
@@ -75,7 +76,7 @@ class FilterAttitudeTest:
             if value is None or own is None or sd is None:
                 continue
             compared = True
-            allowed, off = limit + K_FALSE * math.hypot(sd, rate * TIME_SD_S), wrap(value.value - own)
+            allowed, off = limit + K_FALSE * math.hypot(sd, rate * TIME_SD_S), wrap_half_turn(value.value - own)
             if abs(off) > allowed:
                 return f"{name} {math.degrees(off):+.1f} deg from that of the filter, limit {math.degrees(allowed):.1f}"
         return "" if compared else None

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 
+from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.measurements import Attitude
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.attitude import HEADING_SD_UNKNOWN
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
-from fti.nav.time_series import SECOND_NS, wrap
+from fti.nav.time_series import SECOND_NS
 
 LEVEL = math.radians(5.0)
 SIDESLIP = math.radians(3.0)
@@ -48,7 +49,7 @@ class HeadingTest:
         _, speed, track = self._track
         sd = m.heading_sd if m.heading_sd is not None and 0.0 < m.heading_sd < math.inf else HEADING_SD_UNKNOWN
         limit = math.asin(self._wind / speed) + K_FALSE * sd + SIDESLIP
-        off = wrap(m.heading - track)
+        off = wrap_half_turn(m.heading - track)
         if abs(off) <= limit:
             self._since_ns = None
             return []

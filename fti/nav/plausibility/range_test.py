@@ -22,10 +22,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from fti.geodesy.broadcast_orbit import seconds_after
-from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
+from fti.geodesy.formulas import ecef_from_geodetic, geodetic_from_ecef, radii
 from fti.messages.measurements import Ephemeris, Pseudorange, Pseudoranges, Stamp, TimeScale
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.budget import K_FALSE
@@ -167,13 +165,13 @@ class RangeTest:
 
     def _difference(self, epoch: _Epoch, fix: StatedFix, by_ranges: RangePosition) -> tuple[float, float]:
         """Horizontal distance of the stated position from that by ranges, and its limit [m]."""
-        _, _, alt = geodetic_from_ecef(by_ranges.pos_e)
+        _, _, alt = geodetic_from_ecef(*by_ranges.pos_e.tolist())
         dt, late_s = _seconds_between(epoch, fix)
         north, east = fix.velocity or (0.0, 0.0)
         meridian, normal = radii(fix.lat)
-        lat = fix.lat + north * dt / float(meridian)
-        lon = fix.lon + east * dt / (float(normal) * max(math.cos(fix.lat), MIN_COS_LAT))
-        size = float(np.linalg.norm(ecef_from_geodetic(lat, lon, alt) - by_ranges.pos_e))
+        lat = fix.lat + north * dt / meridian
+        lon = fix.lon + east * dt / (normal * max(math.cos(fix.lat), MIN_COS_LAT))
+        size = math.dist(ecef_from_geodetic(lat, lon, alt), by_ranges.pos_e)
         moved = math.hypot(north, east) * late_s if fix.velocity else self._max_speed * (abs(dt) + late_s)
         limit = K_FALSE * math.hypot(fix.sd, by_ranges.level_sd)
         return size, limit + moved + 0.5 * ACCELERATION * dt * dt

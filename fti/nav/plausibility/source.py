@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from fti.config import Device, SourceLimits
-from fti.geodesy.one_point import radii
+from fti.geodesy.formulas import metres_per_radian
 from fti.messages.measurements import Ephemeris, Position, Pseudoranges, Stamp, TimeScale, Velocity
 from fti.messages.outputs import Event
 from fti.nav.plausibility.admission import Admission, AdmissionChange
@@ -213,8 +213,7 @@ class SourceTests:
 
     def _test_level(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
         assert self._lat is not None
-        meridian, normal = radii(self._lat)
-        metres = (meridian + self._alt, (normal + self._alt) * math.cos(self._lat))
+        metres = metres_per_radian(self._lat, self._alt)
         sd = _bounded_sigma(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
         is_polar = abs(self._lat) > MAX_LAT
         if is_polar:

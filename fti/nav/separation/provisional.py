@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.one_point import radii
+from fti.geodesy.formulas import metres_per_radian
 from fti.messages.outputs import FilterSolution, ProvisionalSolution
 from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import Aiding
@@ -236,7 +236,7 @@ def make_solution(solution: FilterSolution, result: ProvisionalResult) -> Provis
     assert solution.vel_north is not None and solution.vel_east is not None and solution.vel_down is not None
     north, east, down, *vel = result.offset.offset_n.tolist()
     sd = result.offset.sd_n.tolist()
-    meridian, normal = radii(solution.lat)
+    per_lat, per_lon = metres_per_radian(solution.lat, solution.alt)
     return ProvisionalSolution(
         t_ns=solution.t_ns,
         t_valid_ns=solution.t_valid_ns,
@@ -244,8 +244,8 @@ def make_solution(solution: FilterSolution, result: ProvisionalResult) -> Provis
         valid=False,
         reasons=(Reason.UNCONFIRMED,),
         quantities=tuple(name for name in QUANTITY_AXES if f"{result.device}.{name}" in result.offset.names),
-        lat=solution.lat + north / (meridian + solution.alt),
-        lon=solution.lon + east / ((normal + solution.alt) * math.cos(solution.lat)),
+        lat=solution.lat + north / per_lat,
+        lon=solution.lon + east / per_lon,
         alt=solution.alt - down,
         horizontal_sd=max(sd[:2]),
         vertical_sd=sd[2],

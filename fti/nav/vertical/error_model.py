@@ -24,7 +24,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.gravity import FREE_AIR
+from fti.geodesy.formulas import FREE_AIR
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,8 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 
-from fti.geodesy.gravity import FREE_AIR, GRAVITY_EQUATOR, SOMIGLIANA
-from fti.geodesy.rotations import down_row
-from fti.geodesy.wgs84 import EARTH_RATE, ECC_SQ, SEMI_MAJOR
+from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, Vector, dot, down_row, normal_gravity
 from fti.nav.time_series import SECOND_NS
-
-Vector = tuple[float, float, float]
 
 #: Number of stored heights: 2 s at 400 Hz.
 MAX_ENTRIES = 800
@@ -36,17 +32,10 @@ def vertical_acceleration(accel_b: Vector, roll: float, pitch: float, motion: Ho
     9e-3 m/s^2 at 60 m/s to the east; without them the height error is 45 m after 100 s.
     Source: Titterton and Weston 2004, section 3.7 (vertical component of the local geographic mechanisation).
     """
-    row = down_row(roll, pitch)
-    up = -(row[0] * accel_b[0] + row[1] * accel_b[1] + row[2] * accel_b[2])
-    gravity = _surface_gravity(motion.lat) - FREE_AIR * alt
+    up = -dot(down_row(roll, pitch), accel_b)
+    gravity = normal_gravity(math.sin(motion.lat), alt)
     curvature = (motion.north**2 + motion.east**2) / (SEMI_MAJOR + alt)
     return up - gravity + 2.0 * EARTH_RATE * math.cos(motion.lat) * motion.east + curvature
-
-
-def _surface_gravity(lat: float) -> float:
-    """Normal gravity on the ellipsoid [m/s^2], for scalars: it is computed for every inertial sample."""
-    sin_sq = math.sin(lat) ** 2
-    return GRAVITY_EQUATOR * (1.0 + SOMIGLIANA * sin_sq) / math.sqrt(1.0 - ECC_SQ * sin_sq)
 
 
 class InertialHeight:

@@ -20,6 +20,7 @@ Source: Spiegel 2018, sections 2.1.3 and 2.2.5 to 2.2.7, fig. 2.50 and 2.53.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -28,14 +29,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.constants import FOOT
+from fti.kernel import flatten, kernel
 from fti.ranging.error_model import RangeError
 from fti.ranging.radar.antenna import WIDE, Antenna
-from fti.ranging.radar.baseband import Baseband, hann_kernel, thermal_noise
+from fti.ranging.radar.baseband import KERNEL_BINS, Baseband, hann_power, thermal_noise
 from fti.ranging.radar.beam import Backscatter, Beam, BeamEchoes, make_beam, range_bins, trace_beam
 from fti.ranging.radar.dome import half_dome
 from fti.ranging.radar.doppler import range_error
-from fti.ranging.radar.edge import LeadingEdge
-from fti.ranging.radar.quantise import QUANTISATION_FT
+from fti.ranging.radar.edge import LeadingEdge, find_edge
+from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain.ray_outcome import RayOutcome
@@ -50,10 +52,8 @@ _CHUNK = 16
 _MARGIN_BINS = 32
 #: Maximum share of the beam (two-way gain x solid angle) over unknown ground.
 _UNKNOWN_SHARE = 0.01
-#: Upper ends of the steps of an RA-4500, and their sizes [ft].
-_TOPS_FT = np.array([top for top, _ in QUANTISATION_FT[:-1]], dtype=np.float64)
-_STEPS_FT = np.array([step for _, step in QUANTISATION_FT], dtype=np.float64)
-_UNKNOWN = (RayOutcome.HOLE, RayOutcome.OUTSIDE, RayOutcome.UNKNOWN, RayOutcome.BURIED)
+_HIT, _NOTHING = int(RayOutcome.HIT), int(RayOutcome.NOTHING)
+_TOO_NEAR, _UNKNOWN_POSE = int(Validity.TOO_NEAR), int(Validity.UNKNOWN)
 
 
 class Beams(NamedTuple):
@@ -182,54 +182,109 @@ class RadarAltimeter(RangingSensor):
             yield trace_beam(terrain, part, self.beam, self.ground, self.reach)
 
     def _edges(self, echoes: BeamEchoes, rng: np.random.Generator | None) -> Beams:
-        edges = self.edge.find(self.spectra(echoes, rng), self.noise)
-        slant_range = self.waveform.range_of_bin(edges.position)
-        power = echoes.powers.sum(axis=1)
-        validity = np.where(power > 0.0, edges.validity, _first_reason(echoes.outcomes))
-        unknown = self._unknown_reason(echoes)
-        validity = np.where(unknown != RayOutcome.HIT, unknown, validity).astype(np.uint8)
-        slant_range[validity != Validity.VALID] = np.nan
-        ray = _strongest_at(slant_range, echoes, self.waveform)
-        return Beams(slant_range, ray, dispersion(echoes), np.where(power > 0.0, power, np.nan), validity)
-
-    def _unknown_reason(self, echoes: BeamEchoes) -> Codes:
-        """Why the result of a beam is unknown, or HIT: a pose that is not finite, or too much unknown ground."""
-        share = np.stack([(echoes.outcomes == reason) @ self.beam.weights for reason in _UNKNOWN])
-        reason = np.asarray(_UNKNOWN)[np.argmax(share, axis=0)]
-        outcomes = np.where(share.sum(axis=0) > _UNKNOWN_SHARE * self.beam.weights.sum(), reason, RayOutcome.HIT)
-        outcomes[~np.isfinite(echoes.range_rates[:, 0])] = RayOutcome.UNKNOWN
-        return outcomes.astype(np.uint8)
+        receiver = Receiver(self.edge.threshold, self.edge.margin, self.noise, self.waveform.range_bin)
+        return Beams(*_receive_all(*echoes, self.beam.weights, self.spectra(echoes, rng), receiver))
 
 
 _NO_BEAMS = Beams(np.empty(0), np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty(0, np.uint8))
 
 
-def dispersion(echoes: BeamEchoes) -> Array:
-    """Standard deviation [m] of the ranges across the beam, weighted by power, of n poses; NaN without power."""
-    power = echoes.powers.sum(axis=1)
-    weights = np.divide(echoes.powers, power[:, None], out=np.zeros_like(echoes.powers), where=power[:, None] > 0.0)
-    ranges = np.nan_to_num(echoes.ranges)
-    mean = np.sum(weights * ranges, axis=1, keepdims=True)
-    spread = np.sqrt(np.sum(weights * (ranges - mean) ** 2, axis=1))
-    return np.where(power > 0.0, spread, np.nan)
+class Receiver(NamedTuple):
+    """A receiver for the kernels; the first two are those of ``LeadingEdge``.
+
+    noise : of a bin, over the transmitted power;  bin_m : range of a bin [m]
+    """
+
+    threshold: float
+    margin: float
+    noise: float
+    bin_m: float
 
 
-def _first_reason(outcomes: Codes) -> Codes:
-    """Reason of a beam without power: that of the ray nearest to the boresight; TOO_NEAR on the ground."""
-    return np.where(outcomes[:, 0] == RayOutcome.HIT, Validity.TOO_NEAR, outcomes[:, 0]).astype(np.uint8)
+@kernel
+def _receive_all(  # noqa: PLR0917 - as all kernels
+    ranges: Array, rates: Array, powers: Array, outcomes: Codes, weights: Array, spectra: Array, receiver: Receiver
+) -> tuple[Array, NDArray[np.intp], Array, Array, Codes]:
+    """The columns of ``Beams`` of n poses: echoes (n, rays), weights (rays,) and spectra (n, bins)."""
+    n = len(ranges)
+    found, rays, spreads = np.full(n, math.nan), np.zeros(n, np.intp), np.full(n, math.nan)
+    totals, validity = np.full(n, math.nan), np.empty(n, np.uint8)
+    for i in range(n):
+        position, _, valid = find_edge(spectra[i], receiver.threshold, receiver.margin, receiver.noise)
+        power = powers[i].sum()
+        if power > 0.0:
+            totals[i], spreads[i] = power, dispersion(ranges[i], powers[i], power)
+        else:  # that of the ray nearest to the boresight
+            valid = _TOO_NEAR if outcomes[i, 0] == _HIT else int(outcomes[i, 0])
+        unknown = _unknown_reason(outcomes[i], weights) if math.isfinite(rates[i, 0]) else _UNKNOWN_POSE
+        validity[i] = valid if unknown == _HIT else unknown
+        if validity[i] == _HIT:
+            found[i] = position * receiver.bin_m
+            rays[i] = strongest_at(found[i], ranges[i], powers[i], receiver.bin_m)
+    return found, rays, spreads, totals, validity
 
 
-def _strongest_at(slant_range: Array, echoes: BeamEchoes, waveform: Waveform) -> NDArray[np.intp]:
-    """The strongest ray at a range, for each pose; arbitrary without one."""
-    off = (echoes.ranges - slant_range[:, None]) / waveform.range_bin
-    near = np.abs(off) < 8.0
-    share = np.zeros_like(off)
-    share[near] = echoes.powers[near] * hann_kernel(off[near])
-    return np.asarray(np.argmax(share, axis=1))
+@kernel
+def _unknown_reason(outcomes: Codes, weights: Array) -> int:
+    """The reason with the largest share of a beam where too much of its ground is unknown, else HIT."""
+    shares, unknown = np.zeros(256), 0.0
+    for k in range(len(outcomes)):
+        if outcomes[k] != _HIT and outcomes[k] != _NOTHING:
+            shares[outcomes[k]] += weights[k]
+            unknown += weights[k]
+    return int(np.argmax(shares)) if unknown > _UNKNOWN_SHARE * weights.sum() else _HIT
+
+
+@kernel
+def dispersion(ranges: Array, powers: Array, power: float) -> float:
+    """Standard deviation [m] of the ranges (rays,) across a beam, weighted by the powers of the rays, whose sum is
+    ``power``.
+    """
+    mean, square = 0.0, 0.0
+    for k in range(len(ranges)):
+        if powers[k] > 0.0:
+            mean += powers[k] / power * ranges[k]
+    for k in range(len(ranges)):
+        if powers[k] > 0.0:
+            square += powers[k] / power * (ranges[k] - mean) ** 2
+    return math.sqrt(square)
+
+
+@kernel
+def strongest_at(slant_range: float, ranges: Array, powers: Array, bin_m: float) -> int:
+    """The strongest ray at a range [m]; 0 without one."""
+    ray, share = 0, 0.0
+    for k in range(len(ranges)):
+        off = (ranges[k] - slant_range) / bin_m
+        if abs(off) < KERNEL_BINS and powers[k] * hann_power(off) > share:
+            ray, share = k, powers[k] * hann_power(off)
+    return ray
 
 
 def quantise_heights(heights: ArrayLike) -> Array:
     """Heights [m] in the steps of the instrument, any shape; negative ones are 0, NaN stays NaN."""
-    feet = np.maximum(np.asarray(heights, dtype=np.float64) / FOOT, 0.0)
-    step = _STEPS_FT[np.searchsorted(_TOPS_FT, feet, side="left")]
-    return np.asarray(np.minimum(np.rint(feet / step) * step, 65535.0) * FOOT)
+    shape, (flat,) = flatten(heights)
+    return _quantise_all(flat).reshape(shape)
+
+
+def quantisation_steps(heights: ArrayLike) -> Array:
+    """Step of the instrument [m] at heights [m], any shape."""
+    shape, (flat,) = flatten(heights)
+    return _all_steps(flat).reshape(shape)
+
+
+@kernel
+def _quantise_all(heights: Array) -> Array:
+    result = np.full(len(heights), math.nan)
+    for i in range(len(heights)):
+        if not math.isnan(heights[i]):
+            result[i] = quantise_ft(min(heights[i] / FOOT, 65535.0)) * FOOT
+    return result
+
+
+@kernel
+def _all_steps(heights: Array) -> Array:
+    steps = np.empty(len(heights))
+    for i in range(len(heights)):
+        steps[i] = quantisation_step_ft(heights[i] / FOOT) * FOOT
+    return steps

@@ -18,6 +18,7 @@ middle of a bin reads P there.  Source: Spiegel 2018, section 2.2.7; Harris 1978
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +29,6 @@ from fti.ranging.radar.waveform import Array, Waveform, delay_of_range
 KERNEL_BINS = 8  #: the kernel is truncated beyond: -65 dB there, -60 dB of the total power
 PASS_SHARE = 0.8  #: passband as a share of half the sampling rate; the transition ends at half the rate
 BOLTZMANN = 1.380649e-23
-_NEIGHBOURS = np.array([0.0, -1.0, 1.0])  # a Hann window is a rectangle's kernel and, half as high, that of either side
 
 
 def hann_kernel(offset: ArrayLike) -> Array:
@@ -37,8 +37,15 @@ def hann_kernel(offset: ArrayLike) -> Array:
     Valid for continuous time.  The error against the discrete transform of 4096 samples is below 1e-9 within +-8 bins,
     averaged over the phase of the tone and from bin 16 on; nearer, the image of the tone adds to it.
     """
-    here, before, after = np.sinc(np.add.outer(_NEIGHBOURS, np.asarray(offset, dtype=np.float64)))
-    return np.asarray((here + 0.5 * (before + after)) ** 2)
+    return np.asarray(hann_power(np.asarray(offset, dtype=np.float64)))
+
+
+def hann_power(offset: Any) -> Any:
+    """``hann_kernel`` for kernels: of a float or an array.
+
+    A Hann window is a rectangle's kernel and, half as high, that of either side.
+    """
+    return (np.sinc(offset) + 0.5 * (np.sinc(offset - 1.0) + np.sinc(offset + 1.0))) ** 2
 
 
 def lowpass(frequency: ArrayLike, last_passed: float, first_stopped: float) -> Array:

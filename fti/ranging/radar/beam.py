@@ -26,11 +26,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.formulas import rotate
+from fti.geodesy.rotations import rows_of
+from fti.kernel import kernel
 from fti.ranging.radar.antenna import Antenna, from_db
 from fti.ranging.radar.baseband import KERNEL_BINS, hann_kernel
 from fti.ranging.radar.dome import Dome
 from fti.ranging.sensor import Poses
-from fti.terrain.kernel import kernel
 from fti.terrain.pyramid import Pyramid, heights_at, layers_at
 from fti.terrain.ray_cast import first_event
 from fti.terrain.ray_outcome import RayOutcome
@@ -153,12 +155,9 @@ def trace_pose(
 ) -> None:
     """The rays of one pose, written to four arrays (rays,)."""
     q = p.addresses  # a call with the argument p counts references and takes longer
-    posts = Posts(heights_at(q), layers_at(q))
+    posts, rows = Posts(heights_at(q), layers_at(q)), rows_of(mat)
     for k in range(len(rays)):
-        sx, sy, sz = rays[k, 0], rays[k, 1], rays[k, 2]
-        dx = mat[0, 0] * sx + mat[0, 1] * sy + mat[0, 2] * sz
-        dy = mat[1, 0] * sx + mat[1, 1] * sy + mat[1, 2] * sz
-        dz = mat[2, 0] * sx + mat[2, 1] * sy + mat[2, 2] * sz
+        dx, dy, dz = rotate(rows, (rays[k, 0], rays[k, 1], rays[k, 2]))
         d, outcome = first_event(q, o[0], o[1], o[2], dx, dy, dz, max_range)
         if outcome != _HIT:
             d = math.nan

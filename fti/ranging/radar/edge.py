@@ -20,12 +20,14 @@ Source: Spiegel 2018, section 2.3.2.3, fig. 2.53, which names the method and giv
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.kernel import kernel
 from fti.ranging.radar.baseband import hann_kernel
 from fti.ranging.radar.waveform import Array
 from fti.ranging.sensor import Codes, Validity
@@ -34,6 +36,8 @@ MIN_THRESHOLD = 0.002  # -27 dB: the first side lobe of the window, -31.5 dB, mu
 MAX_THRESHOLD = 0.7  # -1.5 dB: a bin of a single scatterer reaches it at any position
 #: 1.4 dB: power of a tone between two bins over that of the larger bin.
 SCALLOPING = float(1.0 / hann_kernel(0.5))
+_VALID, _NO_RETURN, _WEAK = int(Validity.VALID), int(Validity.NO_RETURN), int(Validity.WEAK)
+_TOO_NEAR = int(Validity.TOO_NEAR)
 
 
 class Edges(NamedTuple):
@@ -70,44 +74,63 @@ class LeadingEdge:
         VALID; NO_RETURN where there is no power at all; WEAK where no bin reaches margin times the noise; TOO_NEAR
         where the first bin is above the level.  Raises ValueError for another shape or under 3 bins.
         """
-        power = np.asarray(spectra, dtype=np.float64)
+        power = np.array(spectra, dtype=np.float64, order="C")
         if power.ndim != 2 or power.shape[1] < 3:
             raise ValueError(f"spectra have the shape {power.shape}, must be (n_pose, n_bin) with 3 bins or more")
-        peak = _peaks(power)
-        level = np.maximum(self.threshold * peak, self.margin * noise)
-        above = power >= level[:, None]
-        first = np.argmax(above, axis=-1)
-        validity = np.full(len(power), Validity.VALID, dtype=np.uint8)
-        validity[first == 0] = Validity.TOO_NEAR
-        validity[~np.any(above, axis=-1)] = Validity.WEAK
-        validity[~(peak > 0.0)] = Validity.NO_RETURN
-        position = np.full(len(power), np.nan)
-        good = validity == Validity.VALID
-        position[good] = _by_slopes(power[good], first[good], level[good], noise)
-        return Edges(position, peak, validity)
+        return Edges(*_find_all(power, self.threshold, self.margin, noise))
 
 
-def _peaks(power: Array) -> Array:
-    """Height of the highest peak of each spectrum (n_pose, n_bin), between the bins as well."""
-    at = np.argmax(power, axis=-1)
-    top = np.take_along_axis(power, at[:, None], axis=-1)[:, 0]
-    inner = np.clip(at, 1, power.shape[-1] - 2)[:, None] + np.array([-1, 0, 1])
-    peak_bins = np.take_along_axis(power, inner, axis=-1)
-    smooth = (peak_bins[:, 1] == top) & np.all(peak_bins > 0.0, axis=-1)
-    left, middle, right = np.log(np.where(smooth[:, None], peak_bins, 1.0)).T
-    bend = 2.0 * middle - left - right
-    rise = np.divide((right - left) ** 2, 8.0 * bend, out=np.zeros_like(top), where=bend > 0.0)
-    return np.asarray(top * np.minimum(np.exp(rise), SCALLOPING))
+@kernel
+def _find_all(spectra: Array, threshold: float, margin: float, noise: float) -> tuple[Array, Array, Codes]:
+    """``find_edge`` of n spectra."""
+    position, peak = np.empty(len(spectra)), np.empty(len(spectra))
+    validity = np.empty(len(spectra), np.uint8)
+    for i in range(len(spectra)):
+        position[i], peak[i], validity[i] = find_edge(spectra[i], threshold, margin, noise)
+    return position, peak, validity
 
 
-def _by_slopes(power: Array, first: NDArray[np.intp], level: Array, noise: float) -> Array:
+@kernel
+def find_edge(spectrum: Array, threshold: float, margin: float, noise: float) -> tuple[float, float, int]:
+    """Position of the edge of a spectrum (n_bin,) [bins], power of its peak, validity; see ``LeadingEdge``."""
+    peak = _peak(spectrum)
+    level = max(threshold * peak, margin * noise)
+    first = 0
+    while first < len(spectrum) and not spectrum[first] >= level:
+        first += 1
+    if not peak > 0.0:
+        return math.nan, peak, _NO_RETURN
+    if first in {0, len(spectrum)}:
+        return math.nan, peak, _TOO_NEAR if first == 0 else _WEAK
+    return _by_slopes(spectrum, first, level, noise), peak, _VALID
+
+
+@kernel
+def _peak(spectrum: Array) -> float:
+    """Height of the highest peak, between the bins as well."""
+    at = 0
+    for k in range(len(spectrum)):
+        if spectrum[k] > spectrum[at]:
+            at = k
+    inner = min(max(at, 1), len(spectrum) - 2)
+    left, middle, right = spectrum[inner - 1], spectrum[inner], spectrum[inner + 1]
+    rise = 0.0
+    if middle == spectrum[at] and min(left, middle, right) > 0.0:
+        left, middle, right = math.log(left), math.log(middle), math.log(right)
+        bend = 2.0 * middle - left - right
+        rise = (right - left) ** 2 / (8.0 * bend) if bend > 0.0 else 0.0
+    return float(spectrum[at] * min(math.exp(rise), SCALLOPING))
+
+
+@kernel
+def _by_slopes(spectrum: Array, first: int, level: float, noise: float) -> float:
     """Position [bins] of the edge by the slopes before and behind ``first``, the first bin above the level."""
-    bins = np.minimum(first[:, None] + np.array([-1, 0, 1]), power.shape[-1] - 1)
-    before, at, after = np.sqrt(np.maximum(np.take_along_axis(power, bins, axis=-1) - noise, 0.0)).T
-    share = (np.sqrt(level - noise) - before) / (at - before)
-    share[after > 2.0 * at] = 1.0
-    near, far = ((2.0 * high - low) / (high + low) for low, high in ((before, at), (at, after)))
-    return np.asarray(first + (1.0 - share) * (near - 1.0) + share * far)
+    before = math.sqrt(max(spectrum[first - 1] - noise, 0.0))
+    at = math.sqrt(max(spectrum[first] - noise, 0.0))
+    after = math.sqrt(max(spectrum[min(first + 1, len(spectrum) - 1)] - noise, 0.0))
+    share = 1.0 if after > 2.0 * at else (math.sqrt(level - noise) - before) / (at - before)
+    near, far = (2.0 * at - before) / (at + before), (2.0 * after - at) / (after + at)
+    return first + (1.0 - share) * (near - 1.0) + share * far
 
 
 def edge_at(threshold_db: float | None) -> LeadingEdge:

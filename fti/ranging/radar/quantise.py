@@ -14,7 +14,10 @@ QUANTISATION_FT = ((119, 1), (199, 2), (499, 5), (999, 20), (2099, 50), (65535, 
 
 def quantisation_step_ft(height_ft: float) -> int:
     """Step of the altitude [ft] at a height [ft]."""
-    return next((step for top, step in QUANTISATION_FT if height_ft <= top), QUANTISATION_FT[-1][1])
+    for top, step in QUANTISATION_FT:
+        if height_ft <= top:
+            return step
+    return QUANTISATION_FT[-1][1]
 
 
 def quantise_ft(height_ft: float) -> int:

@@ -24,7 +24,7 @@ NICENESS = 10
 
 def ensure_kernels_compiled(config: Config) -> None:
     """Compile the kernels that are not in the cache, and wait for it."""
-    from fti.terrain.kernel import is_cached  # noqa: PLC0415 - numba: only loaded if needed
+    from fti.kernel import is_cached  # noqa: PLC0415 - numba: only loaded if needed
 
     if not all(is_cached(kernel) for kernel in _kernels(config)):
         command = [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
@@ -33,7 +33,9 @@ def ensure_kernels_compiled(config: Config) -> None:
 
 def _kernels(config: Config) -> list[Any]:
     """The kernels of a configuration that are compiled last."""
-    needed: list[Any] = []
+    from fti.geodesy import quaternions  # noqa: PLC0415 - see above
+
+    needed: list[Any] = [quaternions.all_quats]
     if config.nav.approach:
         from fti.nav.integrity import window  # noqa: PLC0415 - see above
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.formulas import SEMI_MAJOR
 from fti.geodesy.local import LocalFrame
-from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.terrain.files.elevation_file import nearest_turn
 from fti.terrain.files.mosaic import Mosaic
 

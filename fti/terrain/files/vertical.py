@@ -13,7 +13,7 @@ import pyproj
 
 from fti.constants import FOOT
 from fti.errors import ConfigError
-from fti.geodesy.wgs84 import SEMI_MAJOR, SEMI_MINOR
+from fti.geodesy.formulas import SEMI_MAJOR, SEMI_MINOR
 
 #: Allowed values of ``vertical``.
 DATUM_NAMES = ("egm96", "egm2008", "ellipsoid")

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
-from fti.ranging.radar.altimeter import RadarAltimeter, _strongest_at, quantise_heights
+from fti.ranging.radar.altimeter import RadarAltimeter, quantise_heights, strongest_at
 from fti.ranging.radar.antenna import NARROW, WIDE, cosine_antenna
-from fti.ranging.radar.beam import BeamEchoes, trace_beam
+from fti.ranging.radar.beam import trace_beam
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, Returns, Validity
@@ -86,10 +86,9 @@ def test_a_wide_beam_holds_the_height_in_a_bank_and_a_narrow_one_drifts_to_the_s
 
 def test_the_direction_is_that_of_the_ray_which_makes_the_edge() -> None:
     """Of a weak ray 0.2 bins off and one ten times as strong 2.6 bins off, of which the window shows 4e-4 there."""
-    ranges = 200.0 + BIN * np.array([[np.nan, 2.6, 0.2, -9.0]])
-    powers = np.array([[0.0, 10.0, 1.0, 1e6]])
-    echoes = BeamEchoes(ranges, np.zeros((1, 4)), powers, np.zeros((1, 4), np.uint8))
-    assert _strongest_at(np.array([200.0]), echoes, Waveform()).tolist() == [2]
+    ranges = 200.0 + BIN * np.array([np.nan, 2.6, 0.2, -9.0])
+    powers = np.array([0.0, 10.0, 1.0, 1e6])
+    assert strongest_at(200.0, ranges, powers, Waveform().range_bin) == 2
 
 
 def test_rays_farther_off_spread_the_ranges() -> None:
