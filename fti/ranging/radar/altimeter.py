@@ -278,7 +278,7 @@ def _quantise_all(heights: Array) -> Array:
     result = np.full(len(heights), math.nan)
     for i in range(len(heights)):
         if not math.isnan(heights[i]):
-            result[i] = quantise_ft(min(heights[i] / FOOT, 65535.0)) * FOOT
+            result[i] = quantise_ft(min(heights[i] / FOOT, 1e9)) * FOOT  # infinity has no whole number
     return result
 
 
