@@ -10,6 +10,7 @@ from fti.alarms.condition import Condition, Severity
 from fti.clock import FakeClock
 from fti.messages.outputs import FilterMode, FilterSolution, GlideSlope, IntegrityState, Output
 from fti.messages.reasons import Reason
+from fti.messages.tables import to_table
 from fti.nav.alarm_conditions import OutputConditions
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.health_conditions import MIN_RESTARTS
@@ -36,7 +37,7 @@ class Daemon:
     def publish_outputs(self, *outputs: Output) -> None:
         """Outputs of navigation."""
         for report in self.conditions.feed(outputs):
-            self.board.handle_report(report.as_json())
+            self.board.handle_report(report.as_record())
 
     def publish_health(self, **changes: Any) -> None:
         """A health message, 20 s after the one before."""
@@ -50,7 +51,7 @@ class Daemon:
 
     def restart(self) -> None:
         """Begin another session without any data."""
-        note, waiting = (lambda *note: self.recorded.append(note[2])), (lambda: self.waiting_ns)
+        note, waiting = (lambda note: self.recorded.append(to_table(note))), (lambda: self.waiting_ns)
         self.board = AlarmBoard(self.clock, lambda topic, payload: None, note, waiting)
 
     @property
@@ -104,7 +105,7 @@ def _filter(t_s: float, *reasons: Reason) -> FilterSolution:
 
 def _ground(fault: str | None) -> Step:
     return lambda daemon: daemon.board.handle_report(
-        daemon.conditions.report_terrain(daemon.clock.time_ns, fault).as_json()
+        daemon.conditions.report_terrain(daemon.clock.time_ns, fault).as_record()
     )
 
 

@@ -16,6 +16,11 @@ TIMEOUT_S = 60.0  # for a condition; met, it costs nothing
 Found = TypeVar("Found")
 
 
+def fail(error: Exception) -> None:
+    """A handler of errors that must not occur."""
+    raise error
+
+
 def until(predicate: Callable[[], Found | None], timeout: float = TIMEOUT_S, what: str = "") -> Found:
     """Poll until the predicate is truthy and return its value; AssertionError with ``what`` after timeout [s]."""
     deadline = time.monotonic() + timeout

@@ -16,6 +16,7 @@ from fti.buffers.ring import Ring, ring_size
 from fti.clock import choose_epoch_ns
 from fti.config import Config, Link, RecorderTuning, Session, UdpLink
 from fti.logger.session import SessionFolder
+from fti.messages.control import RecorderReport, Stop
 from fti.service.children import Child
 from fti.service.startup import RecorderStartup
 
@@ -59,8 +60,8 @@ class RecorderRig:
         )
         self._child = Child("recorder", order.model_dump_json().encode(), self.ring.fds)
         self._channel = self._child.start()
-        self.health: dict[str, Any] = {}
-        self._wait(lambda: all(link["connects"] for link in self.health.get("links", {"": {"connects": 0}}).values()))
+        self.health: RecorderReport | None = None
+        self._wait(lambda: self.health and all(link.connects for link in self.health.links.values()))
 
     @property
     def pid(self) -> int:
@@ -70,8 +71,8 @@ class RecorderRig:
 
     def listen(self) -> None:
         """Read the messages of the recorder, so that its queue stays empty."""
-        for message in self._channel.receive():
-            self.health = message.get("health", self.health)
+        for message in self._channel.receive(print):
+            self.health = message if isinstance(message, RecorderReport) else self.health
 
     def _wait(self, condition: Any) -> None:
         deadline = time.monotonic() + READY_S
@@ -83,7 +84,7 @@ class RecorderRig:
 
     def close(self) -> None:
         """End the recorder; all data are in the file afterwards."""
-        self._channel.send({"stop": True})
+        self._channel.send(Stop())
         process = self._child.process
         while process and process.poll() is None:
             time.sleep(POLL_S)

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from fti.alarms.condition import Condition, ConditionReport, Json
+from fti.alarms.condition import Condition, ConditionReport
+from fti.messages.notes import AlarmRecord
+
+Json = dict[str, Any]
 
 
 class AlarmChange(StrEnum):
@@ -80,7 +83,7 @@ class AlarmList:
     def __init__(self) -> None:
         self._alarms: dict[str, Alarm] = {}
         self._present: dict[str, str] = {}  # identity of the condition of each subject
-        self._changes: list[Json] = []
+        self._changes: list[AlarmRecord] = []
 
     def report(self, report: ConditionReport) -> None:
         """Handle the report about a subject."""
@@ -129,8 +132,8 @@ class AlarmList:
                 rows.append(_row(alarm, sorted(folded, key=lambda other: other.order)))
         return sorted(rows, key=lambda row: row.pop("order"))
 
-    def take_changes(self) -> list[Json]:
-        """The changes since the last call, for recording: each alarm with its ``change`` at ``t_ns``."""
+    def take_changes(self) -> list[AlarmRecord]:
+        """The changes since the last call, for recording."""
         changes, self._changes = self._changes, []
         return changes
 
@@ -164,7 +167,7 @@ class AlarmList:
             self._change(alarm, AlarmChange.ENDS, t_ns)
 
     def _change(self, alarm: Alarm, change: AlarmChange, t_ns: int) -> None:
-        self._changes.append({"t_ns": t_ns, "change": change, **alarm.as_json()})
+        self._changes.append(AlarmRecord(t_ns=t_ns, change=change, **alarm.as_json()))
         if alarm.is_settled:
             del self._alarms[alarm.condition.id]
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
-#: A report as JSON.
-Json = dict[str, Any]
+from fti.messages.notes import AlarmReportRecord
 
 
 def device_id(name: str) -> str:
@@ -62,33 +59,33 @@ class ConditionReport:
     subject: str
     condition: Condition | None
 
-    def as_json(self) -> Json:
+    def as_record(self) -> AlarmReportRecord:
         """The report as a record of ``/fti/alarm_report``."""
         found = self.condition
-        return {
-            "t_ns": self.t_ns,
-            "subject": self.subject,
-            "id": found and found.id,
-            "severity": found and found.severity,
-            "title": found and found.title,
-            "cause": found and found.cause,
-            "value": found and found.value,
-            "explained_by": list(found.explained_by) if found else [],
-            "is_latched": bool(found and found.is_latched),
-        }
+        return AlarmReportRecord(
+            t_ns=self.t_ns,
+            subject=self.subject,
+            id=found.id if found else None,
+            severity=found.severity if found else None,
+            title=found.title if found else None,
+            cause=found.cause if found else None,
+            value=found.value if found else None,
+            explained_by=found.explained_by if found else (),
+            is_latched=bool(found and found.is_latched),
+        )
 
     @classmethod
-    def from_json(cls, fields: Mapping[str, Any]) -> ConditionReport:
-        """The report from such a record.  Raises KeyError or ValueError."""
+    def from_record(cls, record: AlarmReportRecord) -> ConditionReport:
+        """The report of a record.  Raises ValueError for an unknown severity."""
         condition = None
-        if fields["id"] is not None:
+        if record.id is not None and record.severity is not None:
             condition = Condition(
-                str(fields["id"]),
-                Severity(fields["severity"]),
-                str(fields["title"]),
-                str(fields["cause"]),
-                fields["value"],
-                tuple(fields["explained_by"]),
-                bool(fields["is_latched"]),
+                record.id,
+                Severity(record.severity),
+                record.title or "",
+                record.cause or "",
+                record.value,
+                record.explained_by,
+                record.is_latched,
             )
-        return cls(int(fields["t_ns"]), str(fields["subject"]), condition)
+        return cls(record.t_ns, record.subject, condition)

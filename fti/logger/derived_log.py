@@ -15,8 +15,17 @@ from fti.logger.schemas import Schema
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import SplitLog
 from fti.messages.measurements import DmeRange, Measurement, Reading, SurfaceDeflection
+from fti.messages.notes import NavigationNote
 from fti.messages.outputs import Event, NavSolution, Output
-from fti.messages.topics import EVENT_TOPIC, GAP_TOPIC, LOCATION_TOPIC, UNDECIMATED, measurement_topic, output_topic
+from fti.messages.tables import to_table
+from fti.messages.topics import (
+    EVENT_TOPIC,
+    LOCATION_TOPIC,
+    NOTE_TOPICS,
+    UNDECIMATED,
+    measurement_topic,
+    output_topic,
+)
 
 SECOND_NS = 1_000_000_000
 #: Limit of buffered bytes: reprocessing at full speed never flushes.
@@ -107,12 +116,12 @@ class DerivedLog(SplitLog):
         if isinstance(output, NavSolution) and (fix := foxglove.location(output)):
             self._write(self._channel(LOCATION_TOPIC, schemas.foxglove_schema("LocationFix")), times, encode(fix))
 
-    def write_gap(self, t_ns: int, what: str | Mapping[str, Any]) -> None:
-        """Write a gap of navigation's input, or its restart, on ``/fti/gap``."""
-        self.write_note(GAP_TOPIC, t_ns, {"t_ns": t_ns, **({"text": what} if isinstance(what, str) else what)})
+    def write_note(self, note: NavigationNote) -> None:
+        """Write a note of navigation; log time is its time."""
+        self.write_table(NOTE_TOPICS[type(note)], note.t_ns, to_table(note))
 
-    def write_note(self, topic: str, t_ns: int, content: Mapping[str, Any]) -> None:
-        """Write a note on ``/fti/gap`` or ``/fti/device_clock``.  Raises ValueError for a topic without a schema."""
+    def write_table(self, topic: str, t_ns: int, content: Mapping[str, Any]) -> None:
+        """Write a note as a table.  Raises ValueError for a topic without notes."""
         self._write(self._channel(topic, schemas.note_schema(topic)), (t_ns, None), encode(content))
 
     def _channel(self, topic: str, schema: Schema) -> int:

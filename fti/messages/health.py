@@ -24,14 +24,19 @@ from fti.messages.units import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionHealth:
-    """The session.  state : recording, waiting (for the first file), storage_error, stopping"""
+    """The session.
+
+    state       : recording, waiting (for the first file), storage_error, stopping
+    accelerated : flights in memory have it, and no mode
+    """
 
     name: str
     folder: str
     origin: str
-    mode: str
+    mode: str | Absent = ABSENT
     started_ns: Nanoseconds
     state: str
+    accelerated: str | Absent = ABSENT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -149,3 +149,7 @@ class AlarmRecord:
     count: Count
     acknowledged_ns: Nanoseconds | None
     acknowledged_by: str | None
+
+
+#: Notes of navigation, for its own files.
+NavigationNote = DeviceClockRecord | TerrainRecord | ReadmissionRecord | GapRecord | AlarmReportRecord

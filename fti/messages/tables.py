@@ -73,7 +73,7 @@ def _parse(hint: Any, value: Any, path: str) -> Any:
             return tuple(_parse(present_members(args[0]), item, f"{path}[{n}]") for n, item in enumerate(value))
         if dataclasses.is_dataclass(kind) and isinstance(value, dict):
             return _parse_fields(kind, value, path)
-        if type(value) is kind or (kind is float and type(value) is int):
+        if type(value) is kind or (kind is float and type(value) is int) or (kind is str and isinstance(value, str)):
             return value
         if isinstance(kind, type) and issubclass(kind, StrEnum) and value in list(kind):
             return kind(value)

@@ -81,6 +81,7 @@ NOTE_CLASSES: dict[str, type] = {
     TERRAIN_TOPIC: TerrainRecord,
     READMISSION_TOPIC: ReadmissionRecord,
 }
+NOTE_TOPICS = {cls: topic for topic, cls in NOTE_CLASSES.items()}
 
 
 def schema_name(kind: type) -> str:

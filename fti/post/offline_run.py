@@ -12,7 +12,6 @@ import asyncio
 import contextlib
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +26,13 @@ from fti.logger.derived_log import DerivedLog
 from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
+from fti.messages.control import NavigationReport, RecorderNote
 from fti.messages.frames import TICK_LINK, TICK_PERIOD_NS, LinkState, RawFrame
+from fti.messages.health import NavigationHealth
+from fti.messages.notes import AlarmRecord, AlarmReportRecord
 from fti.messages.outputs import Event
-from fti.messages.topics import ALARM_REPORT_TOPIC, EVENT_TOPIC, HEALTH_TOPIC
+from fti.messages.tables import to_table
+from fti.messages.topics import ALARM_TOPIC, EVENT_TOPIC, HEALTH_TOPIC
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.navigation.terrain_loader import load_terrain
@@ -86,7 +89,7 @@ class OfflineSession:
         self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], settings)
         self._derived = DerivedLog(folder, settings, decimate_hz=DECIMATE_HZ)
         # The clock of the alarm board may stand still: reports and health carry their own times.
-        self._alarms = AlarmBoard(FakeClock(BEGIN_NS), lambda topic, payload: None, self._raw.write_json, lambda: None)
+        self._alarms = AlarmBoard(FakeClock(BEGIN_NS), lambda topic, payload: None, self._record_alarm, lambda: None)
         if config.nav.terrain:
             ground = load_terrain(config.nav.terrain)
             self._keep(self._chain.set_terrain(ground, None, -1, BEGIN_NS - LEAD_TICKS * TICK_PERIOD_NS))
@@ -125,18 +128,23 @@ class OfflineSession:
     def _keep(self, products: ChainOutput) -> None:
         for device, measurement in products.measurements:
             self._derived.write_measurement(device, measurement)
-        for topic, t_ns, content in products.notes:
-            self._derived.write_note(topic, t_ns, content)
-            if topic == ALARM_REPORT_TOPIC:
-                self._alarms.handle_report(content)
+        for note in products.notes:
+            self._derived.write_note(note)
+            if isinstance(note, AlarmReportRecord):
+                self._alarms.handle_report(note)
         for output in products.outputs:
             self._derived.write_output(output)
             if isinstance(output, Event):
-                self._raw.write_json(EVENT_TOPIC, output.t_ns, asdict(output))
+                self._raw.write_json(EVENT_TOPIC, output.t_ns, output)
+
+    def _record_alarm(self, change: RecorderNote) -> None:
+        if isinstance(change, AlarmRecord):  # the alarm board has no other notes
+            self._raw.write_json(ALARM_TOPIC, change.t_ns, to_table(change))
 
     def _publish_health(self, t_ns: int) -> None:
         """Compose health twice a second and record it once a second, as the daemon does."""
-        self._board.navigation = {"devices": self._diagnosis.devices(t_ns), "navigation": {"lag_ms": 0.0}}
+        report = NavigationReport(self._diagnosis.devices(t_ns), NavigationHealth(lag_ms=0.0))
+        self._board.navigation = to_table(report)
         self._board.recorder = {"t_ns": t_ns, "links": {name: self._link(name, t_ns) for name in self._links}}
         health = self._board.compose(t_ns, ())
         self._alarms.handle_health(health)

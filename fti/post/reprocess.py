@@ -354,6 +354,6 @@ def _write(products: ChainOutput, log: DerivedLog) -> None:
     for device, measurement in products.measurements:
         log.write_measurement(device, measurement)
     for note in products.notes:
-        log.write_note(*note)
+        log.write_note(note)
     for output in products.outputs:
         log.write_output(output)

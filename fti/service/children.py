@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
+from fti.messages.control import FromChild
 from fti.service.control_channel import ControlChannel, send_startup
 from fti.service.restart_delay import DoublingDelay, RestartDelay, StandbyDelay
 
@@ -110,7 +111,7 @@ class Child:
         if self.startup is not None and self.ring_fds is not None:
             with contextlib.suppress(OSError):  # it has just died, which ``poll_exit`` reports
                 send_startup(sock, self.startup, self.ring_fds)
-        self.channel = ControlChannel(sock)
+        self.channel = ControlChannel(sock, FromChild)
         self.state = ProcessState.STARTING
         self._started = time.monotonic()
         return self.channel

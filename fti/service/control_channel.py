@@ -1,5 +1,6 @@
-"""The control channel between the supervisor and a child: JSON lines on a pair of Unix stream sockets.
+"""The control channel between the supervisor and a child: lines on a pair of Unix stream sockets.
 
+A line is a JSON table with one entry, the name of a class of ``fti.messages.control`` and its fields.
 At end of file a child finishes its work and exits.  Sending never blocks: unsent bytes are queued and sent with the
 next call.  The startup message comes in a memory file, whose descriptor is the first thing sent over the socket.  So
 a child can be spawned before its startup message is known, and loads its libraries meanwhile.
@@ -11,11 +12,14 @@ import json
 import os
 import socket
 import threading
-from collections.abc import Mapping
+import typing
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-ControlMessage = dict[str, Any]
+from fti.messages.control import ControlMessage, ToDisplay
+from fti.messages.tables import from_table, to_table
+
 STARTUP_MARK = b"\n"
 #: More bytes wait only when the other side has stopped reading; further messages are then discarded.
 MAX_PENDING_BYTES = 2**20
@@ -23,12 +27,39 @@ MAX_PENDING_BYTES = 2**20
 MAX_KEPT_BYTES = 2**26
 
 
-class ControlChannel:
-    """One end of a control channel.  ``has_ended`` is true once the other side has closed."""
+class ControlMessageError(ValueError):
+    """A line that is not a message of this channel; the text names the message and the field."""
 
-    def __init__(self, sock: socket.socket) -> None:
+
+def encode(message: ControlMessage) -> bytes:
+    """The line of a message."""
+    return json.dumps({type(message).__name__: to_table(message)}, separators=(",", ":")).encode() + b"\n"
+
+
+def decode(line: bytes, classes: Mapping[str, type]) -> Any:
+    """The message of a line.  classes : by name, those that may come.  Raises ControlMessageError."""
+    try:
+        ((name, fields),) = json.loads(line).items()
+    except (ValueError, AttributeError, RecursionError):
+        raise ControlMessageError(f"{line[:80]!r} is not a message: a table with one entry") from None
+    if name not in classes:
+        raise ControlMessageError(f"unknown message {name[:80]!r}; there are {', '.join(classes)}")
+    try:
+        return from_table(classes[name], fields)
+    except ValueError as error:
+        raise ControlMessageError(f"{name}: {error}") from None
+
+
+class ControlChannel:
+    """One end of a control channel.  ``has_ended`` is true once the other side has closed.
+
+    receives : union of the messages that may come
+    """
+
+    def __init__(self, sock: socket.socket, receives: Any) -> None:
         sock.setblocking(False)
         self._socket = sock
+        self._classes = {cls.__name__: cls for cls in typing.get_args(receives)}
         self._received = bytearray()
         self._pending = bytearray()
         self._sending = threading.Lock()  # writer threads report failures, too
@@ -38,12 +69,12 @@ class ControlChannel:
         """Descriptor for select and poll."""
         return self._socket.fileno()
 
-    def send(self, message: Mapping[str, Any], *, is_kept: bool = False) -> bool:
+    def send(self, message: ControlMessage, *, is_kept: bool = False) -> bool:
         """Queue a message; False when the other side is gone or has stopped reading.
 
         is_kept : the message is not repeated, so the larger limit applies
         """
-        line = json.dumps(message, separators=(",", ":")).encode() + b"\n"
+        line = encode(message)
         with self._sending:
             if len(self._pending) > (MAX_KEPT_BYTES if is_kept else MAX_PENDING_BYTES):
                 return False
@@ -66,8 +97,8 @@ class ControlChannel:
             return False
         return True
 
-    def receive(self) -> list[ControlMessage]:
-        """The messages that have arrived; empty if none."""
+    def receive(self, refuse: Callable[[ControlMessageError], object]) -> list[Any]:
+        """The messages that have arrived; empty if none.  refuse : called with each line that is not a message"""
         self.flush()
         while not self.has_ended:
             try:
@@ -80,7 +111,13 @@ class ControlChannel:
             self._received += data
         *lines, rest = bytes(self._received).split(b"\n")
         self._received = bytearray(rest)
-        return [json.loads(line) for line in lines if line]
+        messages = []
+        for line in filter(None, lines):
+            try:
+                messages.append(decode(line, self._classes))
+            except ControlMessageError as error:
+                refuse(error)
+        return messages
 
     def close(self) -> None:
         """Close this end."""
@@ -112,18 +149,21 @@ def send_startup(sock: socket.socket, startup: bytes, ring_fds: tuple[int, int])
         os.close(fd)
 
 
-def await_startup(control_fd: int) -> tuple[ControlChannel, bytes, tuple[int, int]] | None:
-    """In a child: wait for the startup message; channel, message, ring descriptors; None without a supervisor."""
+def await_startup(control_fd: int, receives: Any) -> tuple[ControlChannel, bytes, tuple[int, int]] | None:
+    """In a child: wait for the startup message; channel, message, ring descriptors; None without a supervisor.
+
+    receives : see ``ControlChannel``
+    """
     sock = socket.socket(fileno=control_fd)
     mark, fds, _, _ = socket.recv_fds(sock, len(STARTUP_MARK), 3)
     if mark != STARTUP_MARK:
         return None
-    return ControlChannel(sock), read_memory_file(fds[0]), (fds[1], fds[2])
+    return ControlChannel(sock, receives), read_memory_file(fds[0]), (fds[1], fds[2])
 
 
 def open_inherited_channel(fd: int) -> ControlChannel:
     """In a child without a startup message: its end of the channel, from the inherited descriptor."""
-    return ControlChannel(socket.socket(fileno=fd))
+    return ControlChannel(socket.socket(fileno=fd), ToDisplay)
 
 
 def notify_systemd(state: str) -> None:

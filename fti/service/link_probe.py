@@ -12,6 +12,7 @@ from fti.config import Config
 from fti.devices import BoundDevice
 from fti.links import Link, Sink, open_link, per_frame_sink
 from fti.messages.frames import RawFrame
+from fti.messages.tables import to_table
 from fti.service.fault_guard import keep_running
 from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.device_monitor import DeviceMonitor
@@ -50,7 +51,7 @@ async def _watch(
 ) -> dict[str, dict[str, Any]]:
     end = asyncio.get_running_loop().time() + duration_s
     while True:
-        devices = device_monitor.devices(clock.now_ns())
+        devices = to_table(device_monitor.devices(clock.now_ns()))
         if asyncio.get_running_loop().time() >= end:
             return {link.name: merge_link(link.name, _status_fields(link), devices) for link in links}
         await asyncio.sleep(POLL_PERIOD_S)

@@ -6,11 +6,9 @@ again for the whole flight.  After ``MAX_ENDS`` ends during loading, it is start
 
 from __future__ import annotations
 
-from fti.service.control_channel import ControlMessage
+from fti.messages.control import TerrainLoading
 
 MAX_ENDS = 3
-#: States of the terrain in messages of navigation.
-LOADING, DONE = "loading", "done"
 
 
 class TerrainRetry:
@@ -20,11 +18,10 @@ class TerrainRetry:
         self._loading = False
         self._ends = 0
 
-    def on_message(self, message: ControlMessage) -> None:
-        """Handle a message of navigation."""
-        if "terrain" in message:
-            self._loading = message["terrain"] == LOADING
-            self._ends = self._ends if self._loading else 0
+    def on_loading(self, message: TerrainLoading) -> None:
+        """Navigation begins or ends loading its terrain."""
+        self._loading = message.is_loading
+        self._ends = self._ends if self._loading else 0
 
     def on_exit(self) -> str | None:
         """Count an end of navigation; returns the reason to start it without terrain, or None."""

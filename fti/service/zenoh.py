@@ -17,6 +17,8 @@ from fti.bus.client import Subscriber
 from fti.bus.zenoh_endpoint import ZenohEndpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.errors import FtiError
+from fti.messages.control import Ready, Stop
+from fti.messages.outputs import Event
 from fti.service.control_channel import ControlChannel, open_inherited_channel
 from fti.service.fault_guard import catch_failures
 
@@ -79,7 +81,8 @@ class ZenohRelay:
     def _is_over(self) -> bool:
         """Wait at most ``RETRY_S`` for a message; is the end requested?"""
         select.select([self._channel], [], [], RETRY_S)
-        return any(message.get("stop") for message in self._channel.receive()) or self._channel.has_ended
+        messages = self._channel.receive(lambda error: self._report("control", error))
+        return any(isinstance(message, Stop) for message in messages) or self._channel.has_ended
 
     def _report(self, unit: str, error: Exception) -> None:
         """Report a failure, unless it is the same as the last one."""
@@ -87,8 +90,7 @@ class ZenohRelay:
         text = f"zenoh clients receive no data: {error}"
         if text != self._reported:
             self._reported = text
-            event = {"level": "warning", "source": unit, "text": text, "t_ns": self._clock.now_ns()}
-            self._channel.send({"event": event})
+            self._channel.send(Event(t_ns=self._clock.now_ns(), level="warning", source=unit, text=text))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -104,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(number, signal.SIG_IGN)
     channel = open_inherited_channel(args.control_fd)
     relay = ZenohRelay(args.bus, args.session, args.port, clock=SystemClock(args.epoch_ns), channel=channel)
-    channel.send({"ready": True})
+    channel.send(Ready())
     relay.run()
     return 0
 

@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from fti.messages.control import CommandProgress, ToDisplay, UsableDevices
+from fti.messages.tables import to_table
+
 MAX_REQUESTS = 20
 
 
@@ -19,14 +22,13 @@ class CommandStatus:
         self._devices: list[Any] = []
         self._requests: dict[tuple[str, int], Mapping[str, Any]] = {}
 
-    def update(self, message: Mapping[str, Any]) -> None:
-        """Handle a message of the supervisor: ``{"catalogue": [...]}`` or ``{"command": {...}}``."""
-        if "catalogue" in message:
-            self._devices = list(message["catalogue"])
+    def update(self, message: ToDisplay) -> None:
+        """Handle a message of the supervisor."""
+        if isinstance(message, UsableDevices):
+            self._devices = to_table(message.devices)
             self.version += bool(self._devices)
-        if "command" in message:
-            request = message["command"]
-            self._requests[request["id"], request["t_ns"]] = request  # a denied one may have no id
+        elif isinstance(message, CommandProgress):
+            self._requests[message.id, message.t_ns] = to_table(message)  # a denied one may have no id
             if len(self._requests) > MAX_REQUESTS:
                 del self._requests[next(iter(self._requests))]
             self.version += 1

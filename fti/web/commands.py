@@ -15,19 +15,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from fti.messages.control import FromPage, PageAcknowledgement, PageCommand, PageMark
+
 MAX_TEXT_CHARS = 200
 MAX_PER_SECOND = 5
 #: A connection is closed after this number of wrong keys.
 MAX_WRONG_KEYS = 3
 NS_PER_S = 1_000_000_000
-#: Commands of the page, with further fields of the message to the daemon.
-MARKS: dict[str, dict[str, bool]] = {"mark": {}, "snapshot": {"trigger": True}}
+#: Commands of the page that are marks: do they trigger a snapshot?
+MARKS = {"mark": False, "snapshot": True}
 UNKNOWN_COMMAND = "unknown command"
 CHECK = "check"
 WITHOUT_KEY = "view only; to control: fti page"
 WRONG_KEY = "the key is old; to control: fti page"
 #: Sends a command to the daemon; False when it cannot be reached.
-Send = Callable[[Mapping[str, Any]], bool]
+Send = Callable[[FromPage], bool]
 
 
 @dataclass(slots=True)
@@ -93,33 +95,34 @@ class CommandGate:
         return True
 
 
-def read_mark(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
+def read_mark(command: Mapping[str, Any], user: str) -> PageMark | str:
     """The message to the daemon for a mark, or its error.  user : user of the browser"""
     text, name = clean_text(command.get("text")), command["command"]
     if not isinstance(name, str) or name not in MARKS or text is None:
         return UNKNOWN_COMMAND
-    return fault_of_mark(text) or {"mark": text, **MARKS[name], "who": user}
+    return fault_of_mark(text) or PageMark(text, user, MARKS[name])
 
 
-def read_device_command(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
+def read_device_command(command: Mapping[str, Any], user: str) -> PageCommand | str:
     """The message to the daemon for a command to a device, ``{device, name, args, request}``, or its error.
 
     request : identifier chosen by the page for each click; the daemon sends a repetition only once
     user    : user of the browser
     """
-    texts = {key: command.get(source) for key, source in (("id", "request"), ("device", "device"), ("command", "name"))}
+    names = {"id": "request", "device": "device", "command": "name"}
+    texts: dict[str, Any] = {key: command.get(source) for key, source in names.items()}
     args = command.get("args")
     if not isinstance(args, dict) or not all(isinstance(text, str) for text in (*texts.values(), *args.values())):
         return UNKNOWN_COMMAND
-    return {"send": {**texts, "args": args}, "who": user}
+    return PageCommand(**texts, args=args, who=user)
 
 
-def read_acknowledgement(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
+def read_acknowledgement(command: Mapping[str, Any], user: str) -> PageAcknowledgement | str:
     """The message to the daemon for the acknowledgement of an alarm, or of all (None), or its error."""
     alarm_id = command.get("alarm")
     if alarm_id is not None and not (isinstance(alarm_id, str) and len(alarm_id) <= MAX_TEXT_CHARS):
         return UNKNOWN_COMMAND
-    return {"acknowledge": alarm_id, "who": user}
+    return PageAcknowledgement(alarm_id, user)
 
 
 #: Reader of each command; all others are marks.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Condition, ConditionReport, Severity
+from fti.messages.notes import AlarmRecord
 
 ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
 CAUTION = Condition("integrity_caution", Severity.CAUTION, "GROUND CLEARANCE CAUTION", "shifted")
@@ -23,7 +24,7 @@ class RecordedAlarms(AlarmList):
 
     def __init__(self) -> None:
         super().__init__()
-        self.recorded: list[dict[str, Any]] = []
+        self.recorded: list[AlarmRecord] = []
 
     def report_condition(self, t_ns: int, subject: str, condition: Condition | None) -> None:
         self.report(ConditionReport(t_ns, subject, condition))
@@ -35,7 +36,7 @@ class RecordedAlarms(AlarmList):
 
     def changes_of(self, name: str) -> list[tuple[int, str]]:
         self.recorded += self.take_changes()
-        return [(change["t_ns"], change["change"]) for change in self.recorded if change["id"] == name]
+        return [(change.t_ns, change.change) for change in self.recorded if change.id == name]
 
 
 def test_it_stays_after_its_end_until_it_is_acknowledged() -> None:
@@ -47,7 +48,7 @@ def test_it_stays_after_its_end_until_it_is_acknowledged() -> None:
     assert alarms.acknowledge("anna", 30) == 1
     assert alarms.rows() == []
     assert alarms.changes_of("integrity_alert") == [(10, "begins"), (26, "ends"), (30, "acknowledged")]
-    assert alarms.recorded[-1]["acknowledged_by"] == "anna"
+    assert alarms.recorded[-1].acknowledged_by == "anna"
 
 
 def test_it_stays_after_its_acknowledgement_until_it_ends() -> None:
@@ -189,9 +190,9 @@ def test_causes_in_a_circle_are_shown_all_the_same() -> None:
 def test_a_report_comes_through_json_as_it_was() -> None:
     for condition in (POSITION, Condition("space", Severity.CAUTION, "SPACE", "why", 12.5, is_latched=False), None):
         report = ConditionReport(7, "subject", condition)
-        assert ConditionReport.from_json(report.as_json()) == report
+        assert ConditionReport.from_record(report.as_record()) == report
     with pytest.raises(ValueError, match="severity"):
-        ConditionReport.from_json({**ConditionReport(7, "a", ALERT).as_json(), "severity": "severity"})
+        ConditionReport.from_record(replace(ConditionReport(7, "a", ALERT).as_record(), severity="severity"))
 
 
 steps = st.lists(

@@ -19,9 +19,11 @@ from fti.bus.loopback import choose_port, describe_endpoint
 from fti.bus.zenoh_endpoint import ZenohEndpoint
 from fti.clock import SystemClock
 from fti.errors import MissingError
+from fti.messages.control import FromChild, Stop, ToDisplay
 from fti.service import zenoh as relay
 from fti.service.control_channel import ControlChannel
 from tests.bus.running_hub import DEADLINE_S, RunningHub, wait_for
+from tests.helpers import fail
 
 NAME = "test_1"
 
@@ -152,14 +154,14 @@ def test_a_panic_of_the_library_is_reported_once_and_tried_again(
 ) -> None:
     made: list[Failing] = []
     ours, theirs = socket.socketpair()
-    supervisor = ControlChannel(ours)
+    supervisor = ControlChannel(ours, FromChild)
 
     def open_endpoint(port: int, session_name: str) -> Failing:
         made.append(Failing(good=len(made) % 3))
         if len(made) == 1:
             raise PanicException("clock before 1970")
         if len(made) == 6:
-            supervisor.send({"stop": True})
+            supervisor.send(Stop())
         return made[-1]
 
     def keep_publishing() -> None:
@@ -171,10 +173,10 @@ def test_a_panic_of_the_library_is_reported_once_and_tried_again(
     ending = threading.Event()
     thread = threading.Thread(target=keep_publishing)
     thread.start()
-    relay.ZenohRelay(running.hub.path, NAME, 1, clock=SystemClock(0), channel=ControlChannel(theirs)).run()
+    relay.ZenohRelay(running.hub.path, NAME, 1, clock=SystemClock(0), channel=ControlChannel(theirs, ToDisplay)).run()
     ending.set()
     thread.join()
-    assert [message["event"]["text"] for message in supervisor.receive()] == [
+    assert [message.text for message in supervisor.receive(fail)] == [
         "zenoh clients receive no data: PanicException: clock before 1970",
         "zenoh clients receive no data: PanicException: called `Result::unwrap()` on an `Err` value: SystemTimeError",
     ]

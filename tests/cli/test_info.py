@@ -18,6 +18,7 @@ from fti.logger.derived_log import DerivedLog
 from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
+from fti.messages.tables import to_table
 from tests.cli.sessions import (
     ABOUT,
     LINKS,
@@ -124,7 +125,7 @@ def test_gnss_time_is_reported(
     utc_ns = STARTED + 3_600_250_000_000
     gnss = {"device": "gnss", "scale": scale, "time_ns": utc_ns - epoch_s * SECOND}
     for known in ({}, gnss, {}):
-        log.write_note("/fti/device_clock", STARTED, {"t_ns": STARTED, "clocks": {}, "gnss": known})
+        log.write_table("/fti/device_clock", STARTED, {"t_ns": STARTED, "clocks": {}, "gnss": known})
     log.close()
     assert info(folder) == 0
     assert (
@@ -335,7 +336,7 @@ def test_alarms_are_listed_with_their_durations(folder: SessionFolder, capsys: p
     alarms.report(ConditionReport(STARTED + 5 * SECOND, "integrity", None))
     alarms.acknowledge("anna", STARTED + 6 * SECOND, "integrity_alert")
     for change in alarms.take_changes():
-        log.write_json("/fti/alarm", change["t_ns"], change)
+        log.write_json("/fti/alarm", change.t_ns, to_table(change))
     log.close()
     assert info(folder) == 0
     text = capsys.readouterr().out

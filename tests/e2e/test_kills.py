@@ -17,6 +17,7 @@ from statistics import median
 import pytest
 
 from fti.logger.reading.recording import Recording
+from fti.messages.control import Stop
 from tests.e2e.heartbeat import Heartbeats
 from tests.e2e.recorder_kills import Loss, Moment, Rig, Span, describe
 
@@ -41,7 +42,7 @@ def _at_a_split(rig: Rig) -> None:
 
 
 def _at_the_end(rig: Rig) -> None:
-    rig.channel.send({"stop": True})
+    rig.channel.send(Stop())
     rig.wait_random(0.06)
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Condition, ConditionReport, Severity
 from fti.logger.statistics.alarm_spans import MAX_ALARMS, AlarmSpans
+from fti.messages.tables import to_table
 
 ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
 
@@ -18,7 +19,7 @@ ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT",
 def spans_of(alarms: AlarmList) -> list[tuple[str, int, int | None, str | None]]:
     alarm_spans = AlarmSpans()
     for change in alarms.take_changes():
-        alarm_spans.feed(change)
+        alarm_spans.feed(to_table(change))
     return [(span.id, span.begin_ns, span.end_ns, span.acknowledged_by) for span in alarm_spans.spans]
 
 
@@ -49,7 +50,7 @@ def test_they_are_bounded() -> None:
     for t_ns in range(0, 2 * MAX_ALARMS + 20, 2):
         alarms.record(ALERT, t_ns)
     for change in alarms.take_changes():
-        found.feed(change)
+        found.feed(to_table(change))
     assert (len(found.spans), found.more_alarms) == (MAX_ALARMS, 10)
 
 

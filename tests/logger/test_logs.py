@@ -222,8 +222,8 @@ def test_derived_topics_times_and_schemas(folder: SessionFolder) -> None:
     log.write_output(solution(valid=True))
     log.write_output(solution(valid=False))
     log.write_output(Event(t_ns=STARTED + 9, level="error", source="nav", text="lost"))
-    log.write_gap(STARTED + 10, "12 frames")
-    log.write_gap(STARTED + 11, {"first_seq": 3, "last_seq": 4})
+    log.write_table("/fti/gap", STARTED + 10, {"t_ns": STARTED + 10, "kind": "ring"})
+    log.write_table("/fti/gap", STARTED + 11, {"t_ns": STARTED + 11, "kind": "ring", "first_seq": 3, "last_seq": 4})
     log.flush()
     log.sync()
     log.close()
@@ -381,7 +381,7 @@ def test_a_recording_that_is_being_written_is_read_and_reported(folder: SessionF
 def test_derived_messages_by_prefix(folder: SessionFolder) -> None:
     log = open_derived(folder)
     log.write_output(GlideSlope(t_ns=STARTED, t_valid_ns=None, valid=True, reasons=()))
-    log.write_gap(STARTED, "x")
+    log.write_table("/fti/gap", STARTED, {"t_ns": STARTED, "text": "x"})
     log.close()
     for path in (folder.path, log.path):
         recording = Recording.open(path)

@@ -10,6 +10,7 @@ import pytest
 
 from fti.config import Device
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Stamp, TimeScale
+from fti.messages.tables import to_table
 from fti.nav.device_time.clock_estimator import ClockEstimator
 from fti.nav.device_time.device_times import DeviceTimes, restamp
 
@@ -75,7 +76,7 @@ def test_measurements_of_one_message_were_true_at_one_time_and_count_once() -> N
     assert all(a.stamp == b.stamp for (_, a), (_, b) in zip(rows[::2], rows[1::2], strict=True))
     note = times.tick(FTI_0 + 60 * SECOND_NS)
     assert note
-    assert note["clocks"]["ins_gps"]["messages"] == len(rows) // 2
+    assert note.clocks["ins_gps"].messages == len(rows) // 2
 
 
 def test_the_time_of_a_device_can_be_ignored_by_configuration() -> None:
@@ -84,7 +85,7 @@ def test_the_time_of_a_device_can_be_ignored_by_configuration() -> None:
     assert all(m.stamp.t_valid_ns == m.stamp.t_rx_ns - 4 * MS for _, m in fly(times, 0, 60))
     note = times.tick(FTI_0 + 60 * SECOND_NS)
     assert note
-    assert note["clocks"]["ins_gps"]["state"] == "good"
+    assert note.clocks["ins_gps"].state == "good"
 
 
 def test_without_a_time_of_its_own_the_arrival_counts() -> None:
@@ -118,14 +119,15 @@ def test_once_a_second_the_state_of_every_clock_is_reported() -> None:
     fly(times, 0, 60)
     at = FTI_0 + 60 * SECOND_NS
     notes = [times.tick(at + k * 20 * MS) for k in range(100)]
-    assert [note["t_ns"] for note in notes if note] == [at, at + SECOND_NS]
+    assert [note.t_ns for note in notes if note] == [at, at + SECOND_NS]
     assert notes[0]
-    clock = notes[0]["clocks"]["ins_gps"]
-    assert clock["state"] == "good"
-    assert clock["offset_ns"] == pytest.approx(GPS_NS, abs=0.5 * MS)
-    assert abs(clock["drift_ppm"]) < 4 * clock["drift_sd_ppm"]
-    assert clock["validity_sd_ns"] < MS
-    assert clock["segments"] == 1
+    clock = notes[0].clocks["ins_gps"]
+    assert clock.state == "good"
+    assert clock.offset_ns == pytest.approx(GPS_NS, abs=0.5 * MS)
+    assert clock.drift_ppm is not None and clock.drift_sd_ppm is not None
+    assert abs(clock.drift_ppm) < 4 * clock.drift_sd_ppm
+    assert clock.validity_sd_ns < MS
+    assert clock.segments == 1
 
 
 def test_gnss_time_at_fti_time_comes_from_who_knows_it() -> None:
@@ -133,13 +135,13 @@ def test_gnss_time_at_fti_time_comes_from_who_knows_it() -> None:
     fly(times, 0, 5)
     first = times.tick(FTI_0 + 5 * SECOND_NS)
     assert first
-    assert first["gnss"] == {}
+    assert to_table(first.gnss) == {}
     fly(times, 5, 60)
     at = FTI_0 + 60 * SECOND_NS
     note = times.tick(at)
     assert note
-    assert (note["gnss"]["device"], note["gnss"]["scale"]) == ("ins", "gps")
-    assert note["gnss"]["time_ns"] == pytest.approx(at + GPS_NS, abs=0.5 * MS)
+    assert (note.gnss.device, note.gnss.scale) == ("ins", "gps")
+    assert note.gnss.time_ns == pytest.approx(at + GPS_NS, abs=0.5 * MS)
 
 
 def test_one_event_reports_that_a_clock_is_known() -> None:

@@ -57,7 +57,7 @@ def _record(folder: Path, attachments: dict[str, str]) -> SessionFolder:
 def _note_gaps(session: SessionFolder, gaps: list[dict[str, Any]]) -> None:
     log = DerivedLog(session, LogSettings(split_s=60, split_mb=10))
     for gap in gaps:
-        log.write_gap(START_NS, gap)
+        log.write_table("/fti/gap", START_NS, {"t_ns": START_NS, **gap})
     log.close()
 
 
@@ -150,7 +150,7 @@ def test_a_readmission_is_repeated_behind_the_frame_behind_which_it_came(tmp_pat
     session = _record(tmp_path, {"config.toml": config})
     frames = {frame.seq: frame.t_rx_ns for frame in Recording.open(session.path).frames()}
     log = DerivedLog(session, LogSettings(split_s=60, split_mb=10))
-    log.write_note(READMISSION_TOPIC, START_NS, {"t_ns": frames[99] + 7, "after_seq": 99, "source": "altimeter"})
+    log.write_table(READMISSION_TOPIC, START_NS, {"t_ns": frames[99] + 7, "after_seq": 99, "source": "altimeter"})
     log.close()
     again = Recording.open(_again(session, tmp_path / "again", as_flown=as_flown))
     (note,) = [json.loads(data) for *_, data in again.messages(READMISSION_TOPIC, kind="derived")]
@@ -162,7 +162,7 @@ def test_a_readmission_is_repeated_behind_the_frame_behind_which_it_came(tmp_pat
 
 def _note_terrain(session: SessionFolder, note: dict[str, Any]) -> None:
     log = DerivedLog(session, LogSettings(split_s=60, split_mb=10))
-    log.write_note(TERRAIN_TOPIC, START_NS, note)
+    log.write_table(TERRAIN_TOPIC, START_NS, note)
     log.close()
 
 

@@ -11,7 +11,8 @@ from fti.clock import FakeClock
 from fti.config import Config, Device, SerialLink, Session, StrictModel
 from fti.devices import BoundDevice
 from fti.drivers import Command, Driver
-from fti.service.control_channel import ControlMessage
+from fti.messages.control import DeviceAnswer, SendBytes, SendResult
+from fti.messages.tables import to_table
 from fti.service.supervisor.command_catalogue import CommandCatalogue
 from fti.service.supervisor.command_tracker import CommandTracker
 from tests.helpers import until_async
@@ -66,9 +67,9 @@ class Bench:
             delay_reason=lambda: self.hint,
         )
 
-    def _send(self, message: ControlMessage) -> bool:
+    def _send(self, message: SendBytes) -> bool:
         if self.there:
-            self.sent.append(message["send"])
+            self.sent.append(to_table(message))
         return self.there
 
     def ask(
@@ -88,8 +89,9 @@ class Bench:
 
     def confirm_sending(self, number: int | None = None, fault: str | None = None, partly: bool = False) -> None:
         number = number or self.sent[-1]["id"]
-        self.command_tracker.on_sent({"id": number, "fault": fault, "partly": partly, "t_ns": self.clock.now_ns()})
+        self.command_tracker.on_sent(SendResult(number, fault, partly, self.clock.now_ns()))
 
     def answer(self, name: str = "rate", accepted: bool = True, detail: str = "", device: str = "mag") -> None:
-        answer = {"command": name, "accepted": accepted, "detail": detail, "t_ns": self.clock.now_ns()}
-        self.command_tracker.on_ack({"device": device, **answer})
+        t_ns = self.clock.now_ns()
+        answer = DeviceAnswer(device=device, t_ns=t_ns, command=name, accepted=accepted, detail=detail)
+        self.command_tracker.on_ack(answer)

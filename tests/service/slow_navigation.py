@@ -26,11 +26,13 @@ from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.messages.control import Hurry, Refusals, ToNavigation
 from fti.messages.frames import TICK_LINK, TICK_PERIOD_NS, RawFrame
 from fti.messages.measurements import Attitude, ImuSample, Position, Stamp, Velocity
 from fti.messages.refusals import CarriedRefusal
 from fti.messages.tables import from_table
 from fti.post.reprocess import recorded_setup, reprocess
+from fti.service import control_channel
 from fti.service.control_channel import ControlChannel
 from fti.service.navigation import process
 from fti.service.navigation.decode_chain import Chain, ChainOutput
@@ -201,7 +203,7 @@ class World:
     def navigator(self) -> NavigationProcess:
         """A navigation process."""
         startup = self.startup()
-        return NavigationProcess(startup, self.clock, ControlChannel(self._near), self._own_fds())  # type: ignore[arg-type]
+        return NavigationProcess(startup, self.clock, ControlChannel(self._near, ToNavigation), self._own_fds())  # type: ignore[arg-type]
 
     def _own_fds(self) -> tuple[int, int]:
         """The ring's, as another process has them."""
@@ -216,7 +218,7 @@ class World:
             self.sleep(self.cost_s(self.now_s))
             self.fed.append(frame.seq)
             if self.finish_at_s and self.now_s >= self.finish_at_s:
-                self._far.send(b'{"hurry":true}\n')
+                self._far.send(control_channel.encode(Hurry()))
                 self.finish_at_s = None
             return feed(chain, frame)
 
@@ -256,13 +258,14 @@ class World:
             received += data
         self._far.close()
         messages = [json.loads(line) for line in received.splitlines()]
-        return [message["event"] for message in messages if message.get("event", {}).get("source") == "navigation"]
+        events: list[dict[str, Any]] = [message["Event"] for message in messages if "Event" in message]
+        return [event for event in events if event["source"] == "navigation"]
 
     def last_refusals(self) -> list[CarriedRefusal]:
         """The last refusals that navigation sent to the supervisor."""
         messages = [json.loads(line) for line in self._far.recv(2**24).splitlines()]
-        refusals = [message["refusals"] for message in messages if "refusals" in message]
-        return [from_table(CarriedRefusal, row) for row in refusals[-1]]
+        refusals = [message["Refusals"] for message in messages if "Refusals" in message]
+        return list(from_table(Refusals, refusals[-1]).refusals)
 
     def rows(self, topic: str) -> list[dict[str, Any]]:
         """The messages of a topic in the derived file."""

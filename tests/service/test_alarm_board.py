@@ -9,6 +9,7 @@ import pytest
 
 from fti.alarms.condition import Condition, ConditionReport, Severity
 from fti.clock import FakeClock
+from fti.messages.notes import AlarmRecord
 from fti.service.supervisor.alarm_board import IN_TIME_NS, LATE_NS, NO_FRAME_TAKEN, AlarmBoard
 from tests.service.test_health_conditions import health
 
@@ -22,12 +23,12 @@ class Rig:
     def __init__(self) -> None:
         self.clock = FakeClock(START_NS)
         self.published: list[dict[str, Any]] = []
-        self.recorded: list[tuple[str, int, dict[str, Any]]] = []
+        self.recorded: list[Any] = []
         self.waited_ns: int | None = None
         self.board = AlarmBoard(
             self.clock,
             lambda topic, payload: self.published.append({"topic": topic, **json.loads(payload)}),
-            lambda topic, t_ns, content: self.recorded.append((topic, t_ns, content)),
+            self.recorded.append,
             lambda: None if self.waited_ns is None else self.clock.now_ns() - self.waited_ns,
         )
 
@@ -45,14 +46,13 @@ def rig() -> Rig:
 
 
 def test_each_change_is_recorded_and_published(rig: Rig) -> None:
-    rig.board.handle_report(ConditionReport(START_NS + 5, "integrity", ALERT).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 5, "integrity", ALERT).as_record())
     assert [row["id"] for row in rig.published[-1]["alarms"]] == ["integrity_alert"]
-    rig.board.handle_report(ConditionReport(START_NS + 9, "integrity", None).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 9, "integrity", None).as_record())
     assert rig.board.acknowledge("anna", None) == 1
     assert rig.published[-1]["alarms"] == []
-    assert [(topic, content["change"]) for topic, _, content in rig.recorded] == [
-        ("/fti/alarm", change) for change in ("begins", "ends", "acknowledged")
-    ]
+    assert {type(note) for note in rig.recorded} == {AlarmRecord}
+    assert [note.change for note in rig.recorded] == ["begins", "ends", "acknowledged"]
     assert len(rig.published) == 3
 
 
@@ -67,19 +67,19 @@ def test_what_follows_from_devices_that_are_switched_off_is_no_alarm(rig: Rig) -
     ]
     rig.board.suppress_device_alarms()
     for report in reports:
-        rig.board.handle_report(report.as_json())
+        rig.board.handle_report(report.as_record())
     assert {row["id"] for row in rig.published[-1]["alarms"]} == {"integrity_alert", "terrain"}
     unmonitored = Condition("integrity_unavailable", Severity.CAUTION, "GROUND CLEARANCE NOT MONITORED", "stale")
-    rig.board.handle_report(ConditionReport(START_NS + 2, "integrity", unmonitored).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 2, "integrity", unmonitored).as_record())
     rig.clock.advance(1.0)
     rig.board.suppress_device_alarms()  # again: it began before
     rig.clock.advance(1.0)
     rig.board.resume_device_alarms()
     begin_ns = rig.clock.now_ns()
     for t_ns in (START_NS + 3, begin_ns - 1):
-        rig.board.handle_report(ConditionReport(t_ns, "height", late).as_json())
+        rig.board.handle_report(ConditionReport(t_ns, "height", late).as_record())
         assert lasting(rig) == {"terrain"}
-    rig.board.handle_report(ConditionReport(begin_ns, "height", late).as_json())
+    rig.board.handle_report(ConditionReport(begin_ns, "height", late).as_record())
     assert lasting(rig) == {"height", "terrain"}
 
 
@@ -119,7 +119,7 @@ def test_navigation_is_late_when_frames_wait_for_longer_than_a_value_may_be_old(
 @pytest.mark.parametrize("late_s", [0.55, 1.0, 5.0])
 def test_lateness_in_an_alert_never_shows_fewer_alarms(rig: Rig, late_s: float) -> None:
     rig.check_latency(None)
-    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
+    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_record())
     waited_ns = 0
     while waited_ns < late_s * 1e9:
         rig.clock.advance(0.05)
@@ -132,21 +132,21 @@ def test_lateness_in_an_alert_never_shows_fewer_alarms(rig: Rig, late_s: float) 
 
 def test_a_navigation_that_was_started_again_ends_nothing_that_it_does_not_know(rig: Rig) -> None:
     """Its first reports are about assessed conditions; the alert lasts until it reports that the ground matches."""
-    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
-    rig.board.handle_report(ConditionReport(START_NS + 10, "comparison", None).as_json())
+    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_record())
+    rig.board.handle_report(ConditionReport(START_NS + 10, "comparison", None).as_record())
     assert "integrity_alert" in rig.check_latency(None)
-    rig.board.handle_report(ConditionReport(START_NS + 20, "integrity", None).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 20, "integrity", None).as_record())
     assert rig.check_latency(None) == []
 
 
 def test_another_flight_acknowledges_what_the_end_of_the_last_one_was(rig: Rig) -> None:
-    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
+    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_record())
     rig.clock.advance(60.0)
     lost = Condition("position", Severity.CAUTION, "POSITION NOT VALID")
-    rig.board.handle_report(ConditionReport(rig.clock.now_ns(), "position", lost).as_json())
+    rig.board.handle_report(ConditionReport(rig.clock.now_ns(), "position", lost).as_record())
     rig.clock.advance(1.0)
     rig.board.start_new_flight("the demonstration")
-    rig.board.handle_report(ConditionReport(rig.clock.now_ns(), "position", None).as_json())
+    rig.board.handle_report(ConditionReport(rig.clock.now_ns(), "position", None).as_record())
     assert rig.check_latency(None) == ["integrity_alert"]
     assert [row["id"] for row in rig.published[-1]["alarms"]] == ["integrity_alert"]
 
@@ -171,7 +171,7 @@ def test_what_another_recorder_drops_counts_from_zero(rig: Rig) -> None:
 def test_what_falls_silent_at_the_end_of_a_session_is_no_alarm(rig: Rig) -> None:
     rig.check_latency(None)
     rig.board.end()
-    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
+    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_record())
     rig.board.handle_health(health(processes={"navigation": {"state": "stopped"}}))
     assert rig.check_latency(10 * LATE_NS) == []
     assert rig.recorded == []

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from fti.clock import SystemClock
+from fti.messages.control import ClockStepNotice
 from fti.service.recorder.clock_monitor import report_clocks
 
 SECOND_NS = 1_000_000_000
@@ -17,7 +18,7 @@ class Log:
     def __init__(self) -> None:
         self.notes: list[tuple[str, int, dict[str, Any]]] = []
         self.events: list[tuple[str, str, str]] = []
-        self.sent: list[dict[str, Any]] = []
+        self.sent: list[ClockStepNotice] = []
 
     def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         self.notes.append((topic, t_ns, content))
@@ -25,7 +26,7 @@ class Log:
     def report_event(self, level: str, source: str, text: str) -> None:
         self.events.append((level, source, text))
 
-    def send(self, message: dict[str, Any]) -> None:
+    def send(self, message: ClockStepNotice) -> None:
         self.sent.append(message)
 
 
@@ -49,7 +50,7 @@ def test_a_step_is_reported_once_and_fti_time_goes_on(
     assert log.events == [
         ("warning", "clock", f"the real-time clock was stepped by {step_text}; FTI time is not affected")
     ]
-    assert log.sent == [{"clock_step": log.events[0][2]}]
+    assert log.sent == [ClockStepNotice(log.events[0][2])]
     assert [topic for topic, *_ in log.notes] == ["/fti/clock"] * 3
     times = [t_ns for _, t_ns, _ in log.notes]
     assert times == sorted(times)

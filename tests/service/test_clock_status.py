@@ -10,6 +10,8 @@ from fti.devices import bind_devices
 from fti.drivers import nmea0183
 from fti.messages.frames import RawFrame
 from fti.messages.measurements import DeviceTime, Stamp, TimeScale
+from fti.messages.notes import ClockEstimate
+from fti.messages.tables import to_table
 from fti.service.navigation.clock_status import clock_status
 from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.device_monitor import DeviceMonitor
@@ -22,9 +24,17 @@ FTI_0 = 1_800_000_000 * SECOND_NS
 OFFSET_NS = 250 * MS
 
 
-def known(**changes: Any) -> dict[str, Any]:
-    status = {"scale": "utc", "state": "good", "offset_ns": 1_500_000, "offset_sd_ns": 20_000.0, "drift_ppm": 1.1}
-    return status | {"drift_sd_ppm": 0.1, "messages": 200, "late": 3, "refused": 7} | changes
+def known(**changes: Any) -> ClockEstimate:
+    status: dict[str, Any] = {
+        "scale": "utc",
+        "state": "good",
+        "offset_ns": 1_500_000,
+        "offset_sd_ns": 20_000.0,
+        "drift_ppm": 1.1,
+    }
+    status |= {"drift_sd_ppm": 0.1, "messages": 200, "late": 3, "refused": 7, "segments": 1}
+    status |= {"validity_sd_ns": 20_000.0, "usual_ns": None, "largest_ns": 0.0}
+    return ClockEstimate(**(status | changes))
 
 
 def feed(used: bool, seconds: int) -> tuple[DeviceMonitor, int]:
@@ -44,7 +54,7 @@ def feed(used: bool, seconds: int) -> tuple[DeviceMonitor, int]:
 
 
 def clocks(diagnosis: DeviceMonitor, now_ns: int) -> list[dict[str, Any]]:
-    contents: list[dict[str, Any]] = diagnosis.devices(now_ns)["receiver"]["clocks"]
+    contents: list[dict[str, Any]] = to_table(diagnosis.devices(now_ns)["receiver"].clocks)
     return contents
 
 
@@ -66,13 +76,13 @@ def test_a_learnt_clock_has_a_status_and_a_device_without_one_has_none() -> None
 def test_gps_time_is_reported_as_utc() -> None:
     """GPS time began on 1980-01-06 and is 18 s ahead of UTC."""
     status = clock_status(known(scale="gps", offset_ns=-(315_964_800 - 18) * SECOND_NS + 7 * MS), used=True)
-    assert status["offset_ms"] == 7.0
-    assert clock_status(known(), used=True)["offset_ms"] == 1.5
-    assert clock_status(known(messages=0, late=0), used=True)["late_share"] == 0.0
+    assert status.offset_ms == 7.0
+    assert clock_status(known(), used=True).offset_ms == 1.5
+    assert clock_status(known(messages=0, late=0), used=True).late_share == 0.0
 
 
 def test_clocks_of_a_stopped_navigation_are_not_shown() -> None:
-    device = {"link": "a", "state": "good", "hint": "", "clocks": [clock_status(known(), used=True)]}
+    device = {"link": "a", "state": "good", "hint": "", "clocks": [to_table(clock_status(known(), used=True))]}
     board = HealthBoard({"state": "recording"}, {}, {"navigation": {"lag_ms": 1.0}, "devices": {"d": device}})
     assert len(board.compose(0, [])["devices"]["d"]["clocks"]) == 1
     assert board.compose(LATE_NS + SECOND_NS, [])["devices"]["d"]["clocks"] == []

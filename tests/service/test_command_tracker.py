@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from fti.messages.control import DeviceAnswer
 from fti.service.supervisor.command_catalogue import CommandDenied
 from fti.service.supervisor.command_request import CommandState
 from fti.service.supervisor.command_tracker import LATE_NS, MAX_EARLY_ANSWERS, MAX_OPEN, MAX_UNEXPECTED
@@ -165,8 +166,8 @@ async def test_an_answer_from_before_is_none(bench: Bench) -> None:
     bench.answer("")
     bench.clock.advance(1.0)
     task = await bench.ask_and_send()
-    early = {"device": "mag", "command": "", "accepted": False, "detail": "", "t_ns": bench.clock.now_ns() - SECOND_NS}
-    bench.command_tracker.on_ack(early)
+    t_ns = bench.clock.now_ns() - SECOND_NS
+    bench.command_tracker.on_ack(DeviceAnswer(device="mag", t_ns=t_ns, command="", accepted=False, detail=""))
     bench.answer("")
     assert (await task)["state"] == "acknowledged"
     assert [text for _, text in bench.events if "unexpected answer" in text] == [

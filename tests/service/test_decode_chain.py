@@ -129,7 +129,7 @@ def test_a_device_that_boots_before_all_is_readmitted_is_not_held_to_its_old_clo
             height = RadioHeight(stamp=Stamp(t_rx_ns, t_rx_ns - boot_s * 10**9, TimeScale.BOOT), height_agl=30.0)
             monkeypatch.setattr(chain.device_decoders[0].decoder, "feed", lambda *_, found=height: [found])
             chain.feed(RawFrame("line", 0, t_rx_ns, FRAME))
-            found |= {clock["state"] for clock in chain.clocks_of("altimeter", t_rx_ns)}
+            found |= {clock.state for clock in chain.clocks_of("altimeter", t_rx_ns)}
         return found
 
     assert listened(begin_s=100, end_s=130, boot_s=0) == {"learning", "good"}

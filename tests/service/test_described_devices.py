@@ -53,11 +53,11 @@ def test_the_lines_of_another_device_are_no_damage() -> None:
         diagnosis.feed(frame)
         chain.feed(frame)
         health = diagnosis.devices(second * SECOND_NS)
-    assert {name: device["state"] for name, device in health.items()} == {
+    assert {name: device.state for name, device in health.items()} == {
         "wind": LinkState.GOOD,
         "rain": LinkState.GOOD,
     }
-    assert health["wind"]["skipped"] == {"no_beginning": 5, "other_line": 8 * 5}
+    assert health["wind"].skipped == {"no_beginning": 5, "other_line": 8 * 5}
 
 
 def test_behind_a_gap_the_end_of_a_lost_signal_is_no_range() -> None:

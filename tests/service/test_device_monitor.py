@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
 from fti.devices import bind_devices
 from fti.drivers import nmea0183
 from fti.messages.frames import RawFrame
+from fti.messages.health import DeviceHealth
 from fti.messages.measurements import DeviceTime, Stamp, TimeScale
 from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.device_monitor import DeviceMonitor
@@ -38,7 +38,7 @@ class Navigation:
             self._chain.feed(self._next)
             self._next = next(self._messages)
 
-    def report(self, s: float) -> dict[str, Any]:
+    def report(self, s: float) -> DeviceHealth:
         return self._monitor.devices(BEGIN_NS + round(s * SECOND_NS))["receiver"]
 
 
@@ -57,14 +57,14 @@ def states(navigation: Navigation, from_s: float, until_s: float, lag_s: float =
     found = set()
     for s in (from_s + REPORT_S * (k + 1) for k in range(reports)):
         navigation.count_until(s - lag_s)
-        found.add(str(navigation.report(s)["state"]))
+        found.add(str(navigation.report(s).state))
     return found
 
 
 @pytest.mark.parametrize("waited_s", [1.0, 3.0, 20.0])
 def test_a_navigation_that_begins_late_and_catches_up_finds_no_wrong_rate(waited_s: float) -> None:
     navigation = Navigation(RATE_HZ)
-    assert navigation.report(waited_s)["state"] == "silent"  # nothing has been counted yet
+    assert navigation.report(waited_s).state == "silent"  # nothing has been counted yet
     assert states(navigation, waited_s, waited_s + 12.0) == {"good"}
 
 
@@ -72,7 +72,7 @@ def test_a_navigation_that_stood_still_finds_no_wrong_rate() -> None:
     navigation = Navigation(RATE_HZ)
     assert states(navigation, 0.0, 10.0) == {"good"}
     for s in (11.0, 12.0, 13.0):  # it reports, and has counted nothing since
-        assert navigation.report(s)["state"] != "wrong rate"
+        assert navigation.report(s).state != "wrong rate"
     assert states(navigation, 13.0, 25.0) == {"good"}
 
 
@@ -87,4 +87,4 @@ def test_a_wrong_rate_is_found_by_a_navigation_that_is_behind_too(sent_hz: float
 def test_the_rate_is_that_of_the_messages() -> None:
     navigation = Navigation(RATE_HZ)
     states(navigation, 7.0, 12.0)
-    assert navigation.report(12.0)["rate_hz"] == pytest.approx(RATE_HZ, abs=0.1)
+    assert navigation.report(12.0).rate_hz == pytest.approx(RATE_HZ, abs=0.1)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from fti.messages.control import PagePort
 from fti.service.display import __main__ as display
 from fti.web.commands import CommandGate
 from fti.web.live_state import LiveState
@@ -17,7 +18,7 @@ from tests.helpers import until_async
 
 async def test_a_busy_port_is_reported_once_and_the_page_comes_when_it_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(display, "RETRY_S", 0.01)
-    messages: list[dict[str, Any]] = []
+    messages: list[Any] = []
     server = PageServer(LiveState(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
     tries = 0
     start = server.start
@@ -35,9 +36,9 @@ async def test_a_busy_port_is_reported_once_and_the_page_comes_when_it_is_free(m
         port = other.getsockname()[1]
         starting = asyncio.create_task(display.start_page(server, port, messages.append))
         await until_async(lambda: tries >= 3)
-        assert [list(message) for message in messages] == [["fault"]]
-        fault = messages[0]["fault"]
+        (message,) = messages
+        fault = message.text
         assert fault.startswith(f"display.port = {port}: cannot be served on 127.0.0.1: Address already in use; ")
     await starting
-    assert messages[1:] == [{"ready": True, "port": port}]
+    assert messages[1:] == [PagePort(port)]
     await server.stop()

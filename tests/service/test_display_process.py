@@ -79,7 +79,7 @@ def test_the_key_stands_where_no_other_user_can_read_it(display: DisplayProcess)
 
 
 def test_it_ends_at_the_stop_message(display: DisplayProcess) -> None:
-    display.control.sendall(b'{"stop": true}\n')
+    display.control.sendall(b'{"Stop": {}}\n')
     assert end_of(display) == 0
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fti.messages.control import FileNumber
 from fti.service.supervisor.file_numbers import FileNumbers
 
-
-def report(number: int, confirmed: bool) -> dict[str, int | bool]:
-    return {"number": number, "confirmed": confirmed}
+report = FileNumber
 
 
 def test_a_number_whose_file_never_came_is_given_up_and_not_used_again() -> None:

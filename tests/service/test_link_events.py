@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fti.clock import FakeClock
 from fti.service.supervisor.event_publisher import EventPublisher
 from fti.service.supervisor.link_events import MIN_DURATION_NS, LinkEvents
@@ -40,12 +42,10 @@ def test_a_moment_and_what_is_wrong_with_the_bytes_are_not() -> None:
 
 
 def test_it_is_an_event_for_terminal_and_file() -> None:
-    lines, notes = list[str](), list[tuple[str, int]]()
-    event_publisher = EventPublisher(
-        FakeClock(), lambda topic, payload: None, lines.append, lambda topic, t_ns, content: notes.append((topic, t_ns))
-    )
+    lines, notes = list[str](), list[Any]()
+    event_publisher = EventPublisher(FakeClock(), lambda topic, payload: None, lines.append, notes.append)
     link = {"state": "busy", "hint": "127.0.0.1:1: in use by another program"}
     for t_ns in (0, MIN_DURATION_NS):
         event_publisher.health({"t_ns": t_ns, "links": {"eth": link}}, record=False)
     assert lines == ["warning: eth: busy: 127.0.0.1:1: in use by another program"]
-    assert [topic for topic, _ in notes] == ["/fti/event"]
+    assert [note.event.source for note in notes] == ["eth"]

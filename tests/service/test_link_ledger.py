@@ -16,6 +16,7 @@ from fti.links import LinkStatus
 from fti.logger.schemas import note_schema
 from fti.logger.verify.ledger import LedgerNote
 from fti.messages.frames import LinkState
+from fti.messages.tables import to_table
 from fti.service.recorder.link_ledger import BufferedLink, LinkLedger, link_health
 
 
@@ -59,7 +60,7 @@ class Rig:
         self.sequencer.seq += 1
 
     def note(self, **keys: Any) -> dict[str, Any]:
-        note = self.ledger.read(1000, **keys)
+        note: dict[str, Any] = to_table(self.ledger.read(1000, **keys))
         jsonschema.validate(note, json.loads(note_schema("/fti/ledger").data))
         return note
 
@@ -148,7 +149,7 @@ def test_refused_stamps_stand_beside_the_account() -> None:
 def test_health_of_a_link_has_its_account() -> None:
     rig = Rig()
     rig.put(1, 10)
-    row = link_health(rig.units[0], 2000)
+    row = to_table(link_health(rig.units[0], 2000))
     assert row["ledger"] == rig.note()["links"]["a"]
     assert row["dropped_frames"] == 0
 

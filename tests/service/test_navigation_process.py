@@ -10,6 +10,8 @@ import pytest
 
 from fti.drivers import freeflight_ra4500
 from fti.logger.reading.recording import Recording
+from fti.messages.control import Readmit
+from fti.service.control_channel import encode
 from fti.service.navigation.decode_chain import Chain
 from tests.service.slow_navigation import (
     LAT_0,
@@ -108,7 +110,7 @@ def test_without_a_fresh_start_of_decoders_a_wrong_height_would_be_valid(tmp_pat
 
 @pytest.mark.parametrize(("source", "text"), [("ins", "nothing to readmit"), ("*", "restarts")])
 def test_a_readmission_by_the_operator_is_recorded_and_repeated(source: str, text: str, tmp_path: Path) -> None:
-    commands = [json.dumps({"readmit": source}).encode() + b"\n"]
+    commands = [encode(Readmit(source))]
 
     def cost(now: float) -> float:
         if now > 2.0 and commands:

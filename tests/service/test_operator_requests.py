@@ -16,6 +16,9 @@ from fti import run_directory
 from fti.alarms.condition import Condition, Severity
 from fti.clock import FakeClock
 from fti.config import Config, Nav, Session
+from fti.messages.control import EventNote, PageAcknowledgement, PageCommand, Readmit, RecorderNote
+from fti.messages.notes import AlarmRecord
+from fti.messages.tables import to_table
 from fti.service.children import Child
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.child_monitor import RecorderOutbox
@@ -30,9 +33,9 @@ from tests.service.command_bench import Bench
 class Rig:
     def __init__(self) -> None:
         self.bench = Bench()
-        self.shown: list[dict[str, Any]] = []
+        self.shown: list[Any] = []
         self.events: list[dict[str, Any]] = []
-        self.navigation: list[dict[str, Any]] = []
+        self.navigation: list[Any] = []
         self.navigation_runs = True
         clock = FakeClock(7)
         self.alarms = AlarmBoard(clock, lambda topic, payload: None, lambda *_: None, lambda: None)
@@ -45,14 +48,18 @@ class Rig:
                 clock,
                 lambda topic, payload: None,
                 lambda line: None,
-                lambda topic, t_ns, event: self.events.append(event),
+                self.note,
             ),
             send_to_display=self.shown.append,
             send_to_navigation=self.send_to_navigation,
             alarms=self.alarms,
         )
 
-    def send_to_navigation(self, message: dict[str, Any]) -> bool:
+    def note(self, note: RecorderNote) -> None:
+        assert isinstance(note, EventNote)
+        self.events.append({**to_table(note.event), "who": note.who})
+
+    def send_to_navigation(self, message: Any) -> bool:
         self.navigation.append(message)
         return self.navigation_runs
 
@@ -64,18 +71,14 @@ def rig() -> Rig:
 
 async def test_a_display_that_starts_receives_commands(rig: Rig) -> None:
     await (await rig.bench.ask_and_send("k1", "reset"))
-    rig.requests.on_page_message({"ready": True})
-    assert [device["name"] for device in rig.shown[0]["catalogue"]] == ["mag", "other"]
-    assert [message["command"]["id"] for message in rig.shown[1:]] == ["k1"]
+    rig.requests.send_commands_to_display()
+    assert [device.name for device in rig.shown[0].devices] == ["mag", "other"]
+    assert [message.id for message in rig.shown[1:]] == ["k1"]
 
 
 async def test_the_page_sends_and_its_user_is_named(rig: Rig) -> None:
-    rig.requests.on_page_message(
-        {"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}, "who": "alice"}
-    )
-    rig.requests.on_page_message(
-        {"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}, "who": "alice"}
-    )
+    for _ in range(2):
+        rig.requests.on_page_message(PageCommand("k1", "mag", "reset", "alice"))
     assert len(rig.bench.sent) == 1
     assert rig.bench.events == [("info", "1: mag reset for the page (the owner's key, alice): 2a72657365740d")]
 
@@ -93,14 +96,14 @@ async def test_a_mark_is_an_event_and_a_trigger_needs_a_table(rig: Rig) -> None:
 
 async def test_a_source_is_readmitted_by_navigation_and_the_event_names_who(rig: Rig) -> None:
     assert await rig.requests.handle_command({"readmit": "gnss"}, "alice") == {"t_ns": 7}
-    assert rig.navigation == [{"readmit": "gnss"}]
+    assert rig.navigation == [Readmit("gnss")]
     (event,) = rig.events
     assert (event["source"], event["text"], event["who"]) == ("readmit", "gnss", "alice")
 
 
 async def test_all_sources_are_readmitted_at_once(rig: Rig) -> None:
     assert await rig.requests.handle_command({"readmit": "*"}, "alice") == {"t_ns": 7}
-    assert rig.navigation == [{"readmit": "*"}]
+    assert rig.navigation == [Readmit("*")]
     assert [event["text"] for event in rig.events] == ["all sources; navigation is reset"]
 
 
@@ -227,16 +230,19 @@ async def client(
 async def test_alarms_are_acknowledged_at_the_socket_and_on_the_page(rig: Rig) -> None:
     """By whom is known."""
     changes: list[tuple[str, Any]] = []
-    rig.alarms._record_note = lambda topic, t_ns, content: changes.append(
-        (content["change"], content["acknowledged_by"])
-    )
+
+    def note_change(note: RecorderNote) -> None:
+        assert isinstance(note, AlarmRecord)
+        changes.append((note.change, note.acknowledged_by))
+
+    rig.alarms._record_note = note_change
     condition = Condition("losses", Severity.CAUTION, "DATA LOST")
     rig.alarms.record(condition)
     assert await rig.requests.handle_command({"acknowledge": "losses"}, "anna") == {"acknowledged": 1, "t_ns": 7}
     assert await rig.requests.handle_command({"acknowledge": None}, "anna") == {"acknowledged": 0, "t_ns": 7}
     assert "fault" in await rig.requests.handle_command({"acknowledge": 3}, "anna")
     rig.alarms.record(condition)
-    rig.requests.on_page_message({"acknowledge": None, "who": "berta"})
+    rig.requests.on_page_message(PageAcknowledgement(None, "berta"))
     assert [who for change, who in changes if change == "acknowledged"] == [
         "anna",
         "the page (the owner's key, berta)",

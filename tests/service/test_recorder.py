@@ -7,7 +7,7 @@ import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
@@ -17,12 +17,14 @@ from fti.clock import choose_epoch_ns
 from fti.config import Altimeter, Config, Device, Nav, SerialLink, Session, UdpLink
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.messages.control import FileNumber, Ready, RecorderEnd, SendBytes, SendResult, Stop
 from fti.messages.frames import TICK_PERIOD_NS
 from fti.service.children import Child
 from fti.service.startup import LinkStartup, RecorderStartup
 from tests.e2e.harness import Line, free_udp_port
-from tests.helpers import until
+from tests.helpers import fail, until
 
+T = TypeVar("T")
 pytestmark = pytest.mark.timeout(900)
 
 
@@ -66,7 +68,7 @@ class Rig:
         )
         self.child = Child("recorder", startup.model_dump_json().encode(), self.ring.fds)
         self.channel = self.child.start()
-        self.messages: list[dict[str, Any]] = []
+        self.messages: list[Any] = []
         self._line_output = bytearray()
 
     def line_output(self) -> bytes:
@@ -74,10 +76,10 @@ class Rig:
         self._line_output += self.line.read()
         return bytes(self._line_output)
 
-    def find_message(self, key: str) -> dict[str, Any] | None:
-        """The first message with that key, once it has come."""
-        self.messages += self.channel.receive()
-        return next((m for m in self.messages if key in m), None)
+    def find_message(self, kind: type[T]) -> T | None:
+        """The first message of that class, once it has come."""
+        self.messages += self.channel.receive(fail)
+        return next((m for m in self.messages if isinstance(m, kind)), None)
 
     def close(self) -> None:
         self.child.dismiss()
@@ -100,7 +102,7 @@ def test_what_an_altimeter_sends_does_not_wait_for_the_beat(tmp_path: Path, link
         contextlib.closing(Rig(tmp_path, altimeter=link)) as rig,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
     ):
-        until(lambda: rig.find_message("ready"), what="ready")
+        until(lambda: rig.find_message(Ready), what="ready")
         until(lambda: rig.line_output().startswith(b"hello\r"), what="the line is open")
         reader, index = RingReader(rig.ring), ("line", "eth").index(link)
         for number in numbers:
@@ -125,17 +127,17 @@ def _read_with(reader: RingReader, data: bytes) -> list[RingFrame]:
 
 
 def test_it_sends_its_startup_data_and_records_them(rig: Rig) -> None:
-    until(lambda: rig.find_message("ready"), what="ready")
+    until(lambda: rig.find_message(Ready), what="ready")
     until(lambda: rig.line_output().count(b"ask\r") >= 2, what="two questions")
     assert rig.line_output().startswith(b"hello\rask\r")
-    rig.channel.send({"send": {"link": "line", "data": b"set\r".hex(), "id": 7}})
-    answer = until(lambda: rig.find_message("sent"), what="an answer")
-    assert (answer["sent"]["id"], answer["sent"]["fault"]) == (7, None)
+    rig.channel.send(SendBytes(7, "line", b"set\r".hex()))
+    answer = until(lambda: rig.find_message(SendResult), what="an answer")
+    assert (answer.id, answer.fault) == (7, None)
     until(lambda: b"set\r" in rig.line_output(), what="the command")
     rig.line.write(b"answer")
     until(lambda: _received(rig), what="the answer in the ring")
-    rig.channel.send({"stop": True})
-    until(lambda: rig.find_message("stopped"), what="stopped")
+    rig.channel.send(Stop())
+    until(lambda: rig.find_message(RecorderEnd), what="stopped")
     sent = b"".join(f.data for f in Recording.open(rig.session.path).sent_frames())
     assert sent.startswith(rig.line_output()[:20])
     assert sent.count(b"set\r") == 1
@@ -147,12 +149,12 @@ def _received(rig: Rig) -> bool:
 
 def test_numbers_are_reported_and_those_given_up_before_stand_in_the_file(tmp_path: Path) -> None:
     rig = Rig(tmp_path, first_number=5, skipped_numbers=(2, 4))
-    until(lambda: rig.find_message("ready"), what="ready")
-    rig.channel.send({"stop": True})
-    until(lambda: rig.find_message("stopped"), what="stopped")
+    until(lambda: rig.find_message(Ready), what="ready")
+    rig.channel.send(Stop())
+    until(lambda: rig.find_message(RecorderEnd), what="stopped")
     rig.close()
-    reports = [message["file_number"] for message in rig.messages if "file_number" in message]
-    assert reports == [{"number": 5, "confirmed": False}, {"number": 5, "confirmed": True}]
+    reports = [message for message in rig.messages if isinstance(message, FileNumber)]
+    assert reports == [FileNumber(5, False), FileNumber(5, True)]
     (path,) = rig.session.files("raw")
     assert path.name.endswith("_005.mcap")
     assert Recording.open(path).metadata["fti.file"]["given_up_numbers"] == "2 4"
@@ -160,13 +162,13 @@ def test_numbers_are_reported_and_those_given_up_before_stand_in_the_file(tmp_pa
 
 def test_recorded_times_are_utc_to_half_a_tick(rig: Rig) -> None:
     """Datagrams contain their time of sending by the real-time clock; the quickest one counts."""
-    until(lambda: rig.find_message("ready"), what="ready")
+    until(lambda: rig.find_message(Ready), what="ready")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for _ in range(100):
             sender.sendto(b"%d" % time.time_ns(), ("127.0.0.1", rig.port))
     until(lambda: rig.ring.next_seq > 100, what="the datagrams")
-    rig.channel.send({"stop": True})
-    until(lambda: rig.find_message("stopped"), what="stopped")
+    rig.channel.send(Stop())
+    until(lambda: rig.find_message(RecorderEnd), what="stopped")
     recording = Recording.open(rig.session.path)
     ages = [frame.t_rx_ns - int(frame.data) for frame in recording.frames() if frame.link == "eth"]
     assert ages
@@ -175,15 +177,15 @@ def test_recorded_times_are_utc_to_half_a_tick(rig: Rig) -> None:
 
 @pytest.mark.parametrize(("link", "line_output"), [("eth", "transmit is false"), ("none", "unknown link 'none'")])
 def test_a_command_that_cannot_be_sent_is_refused_once(rig: Rig, link: str, line_output: str) -> None:
-    until(lambda: rig.find_message("ready"), what="ready")
-    rig.channel.send({"send": {"link": link, "data": "00", "id": 1}})
-    answer = until(lambda: rig.find_message("sent"), what="an answer")
-    assert answer["sent"]["id"] == 1
-    assert line_output in answer["sent"]["fault"]
+    until(lambda: rig.find_message(Ready), what="ready")
+    rig.channel.send(SendBytes(1, link, "00"))
+    answer = until(lambda: rig.find_message(SendResult), what="an answer")
+    assert answer.id == 1
+    assert line_output in (answer.fault or "")
 
 
 def test_it_finishes_when_the_supervisor_is_gone(rig: Rig) -> None:
-    until(lambda: rig.find_message("ready"), what="ready")
+    until(lambda: rig.find_message(Ready), what="ready")
     rig.line.write(b"last words")
     until(lambda: any(r.data == b"last words" for r in RingReader(rig.ring).read(10_000)), what="the words")
     rig.child.close()

@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 import pytest
 
 from fti.logger.reading.recording import Recording
+from fti.messages.control import Readmit
 from fti.messages.reasons import Reason
 from fti.messages.refusals import CarriedRefusal, RefusedPart
 from fti.messages.tables import from_table
+from fti.service.control_channel import encode
 from fti.service.startup import NavigationStartup
 from tests.service.slow_navigation import LAT_0, RADIUS, RATE, START_NS, World, north_at, outputs, reprocessed
 
@@ -32,7 +34,7 @@ class FlightRun(NamedTuple):
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlightRun]:
     """A process that refuses the INS, and another one in its place."""
-    commands = [b'{"readmit":"ins"}\n']
+    commands = [encode(Readmit("ins"))]
 
     def cost(now: float) -> float:
         if now > READMIT_S and commands:

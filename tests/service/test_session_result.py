@@ -8,10 +8,17 @@ from typing import Any
 
 import pytest
 
+from fti.messages.control import RecorderEnd, RecorderReport
+from fti.messages.ledger import LedgerRecord
+from fti.messages.tables import from_table, to_table
 from fti.service.supervisor.session_result import SessionResult, save_ledger
 
 FOLDER = Path("/data/s_0")
-NONE = {"in_frames": 0, "held_frames": 0, "held_bytes": 0, "dropped": {}}
+COUNTS = [f"{part}_{what}" for part in ("in", "recorded", "held") for what in ("frames", "bytes")]
+NONE: dict[str, Any] = {**dict.fromkeys(COUNTS, 0), "dropped": {}}
+
+
+LEDGER = {"t_ns": 1, "recorder": {"pid": 1, "started_ns": 0, "first_seq": 0}, "next_seq": 0, "final": True}
 
 
 def account(came: int = 0, held: int = 0, **dropped: int) -> dict[str, Any]:
@@ -19,20 +26,25 @@ def account(came: int = 0, held: int = 0, **dropped: int) -> dict[str, Any]:
     reasons = {
         reason: {"frames": n, "bytes": None if reason == "socket_queue" else 10 * n} for reason, n in dropped.items()
     }
-    return {"in_frames": came, "held_frames": held, "held_bytes": 10 * held, "dropped": reasons, "sent": NONE}
+    counts = {"in_frames": came, "held_frames": held, "held_bytes": 10 * held, "dropped": reasons}
+    return {**NONE, **counts, "sent": NONE, "errors": {}, "stamp_refused": 0}
 
 
-def report(*links: dict[str, Any], ticks: dict[str, Any] = NONE, **changes: Any) -> dict[str, Any]:
-    ledger = {"links": {str(n): link for n, link in enumerate(links)}, "ticks": ticks}
+def _only_frames(account: dict[str, Any]) -> dict[str, Any]:
+    return {name: account[name] for name in NONE}
+
+
+def report(*links: dict[str, Any], ticks: dict[str, Any] | None = None, **changes: Any) -> dict[str, Any]:
+    ledger = {**LEDGER, "links": {str(n): link for n, link in enumerate(links)}, "ticks": _only_frames(ticks or NONE)}
     end = {"ledger": ledger, "ledger_recorded": True, "fault": None, "unsafe_frames": 0, "unsafe_bytes": 0}
     return {**end, **changes}
 
 
-def loss_of(last: dict[str, Any], *killed: dict[str, Any]) -> str:
+def loss_of(last: dict[str, Any], *killed: RecorderReport | None) -> str:
     result = SessionResult()
     for health in killed:
         result.add_killed_recorder(health)
-    result.handle_report(last)
+    result.handle_report(from_table(RecorderEnd, last))
     return result.describe_loss(FOLDER) or ""
 
 
@@ -59,7 +71,7 @@ def test_everything_was_recorded(last: dict[str, Any]) -> None:
         ),
         (report(account(9, snapshot_overflow=1)), "not everything was recorded: 1 of 9 frames (10 bytes) are lost"),
         (report(account(9), unsafe_frames=4, unsafe_bytes=40), "4 of 9 frames (40 bytes) are lost"),
-        (report({**account(9), "sent": account(3, held=1)}), "1 of 12 frames (10 bytes) are lost"),
+        (report({**account(9), "sent": _only_frames(account(3, held=1))}), "1 of 12 frames (10 bytes) are lost"),
         (
             report(account(9), fault="broken"),
             "all frames of the links are in the files, but not all ticks and notes: broken",
@@ -74,15 +86,17 @@ def test_what_is_missing_is_counted(last: dict[str, Any], sentence: str) -> None
 
 
 def test_a_recorder_that_died_while_the_medium_refused_has_lost_what_it_held() -> None:
-    links = {"a": {"ledger": account(20, held=5, buffer_overflow=2)}}
-    refusing = {"links": links, "storage": {"state": "error"}}
-    opening = {"links": links, "storage": {"state": "opening"}}
-    well = {"links": links, "storage": {"state": "ok"}}
+    link = {"kind": "udp", "state": "good", "hint": "", "frames": 0, "bytes": 0}
+    links = {"a": {**link, "ledger": account(20, held=5, buffer_overflow=2)}}
+    common = {"t_ns": 1, "links": links, "snapshot": None, "next_seq": 0}
+    refusing = from_table(RecorderReport, {**common, "storage": {"state": "error"}})
+    opening = from_table(RecorderReport, {**common, "storage": {"state": "opening"}})
+    well = from_table(RecorderReport, {**common, "storage": {"state": "ok"}})
     assert "7 of 30 frames" in loss_of(report(account(10)), refusing)
     assert "7 of 30 frames" in loss_of(report(account(10)), opening)
     assert "2 of 30 frames" in loss_of(report(account(10)), well)
     assert "7 of 30 frames" in loss_of(report(account(10)), refusing, refusing)  # the next one died before it reported
-    assert loss_of(report(), {}) == ""
+    assert loss_of(report(), None) == ""
 
 
 def test_a_recorder_that_never_reported_its_stop_is_not_a_success() -> None:
@@ -90,9 +104,9 @@ def test_a_recorder_that_never_reported_its_stop_is_not_a_success() -> None:
 
 
 def test_a_ledger_that_no_medium_takes_is_kept(tmp_path: Path) -> None:
-    ledger = {"final": True}
+    ledger = from_table(LedgerRecord, {**LEDGER, "links": {}, "ticks": NONE})
     text = save_ledger(ledger, "s_0", tmp_path)
     path = tmp_path / "s_0_ledger.json"
-    assert str(path) in text and json.loads(path.read_text()) == ledger
+    assert str(path) in text and json.loads(path.read_text()) == to_table(ledger)
     assert path.stat().st_mode & 0o777 == 0o600
-    assert save_ledger(ledger, "s_0", tmp_path / "none") == 'the last ledger: {"final":true}'
+    assert save_ledger(ledger, "s_0", tmp_path / "none") == f"the last ledger: {path.read_text()}"

@@ -248,7 +248,7 @@ def test_feeding_never_waits_for_the_medium(rig: Rig, monkeypatch: pytest.Monkey
     assert hangs.wait(20)
     rig.feed(1000)  # from this thread: it comes to an end
     rig.sink.trigger("again", 100 * MS)
-    assert rig.sink.health()["state"] == "writing"
+    assert rig.sink.health().state == "writing"
     released.set()
     rig.await_end()
     assert rig.held() == list(range(61))

@@ -9,8 +9,9 @@ import pytest
 
 from fti import config as configuration
 from fti.config import Config, TerrainFiles
+from fti.messages.control import TerrainLoading
 from fti.service.navigation.terrain_loader import TerrainLoader, load_terrain
-from fti.service.terrain_retry import DONE, LOADING, TerrainRetry
+from fti.service.terrain_retry import TerrainRetry
 from tests.helpers import until
 
 
@@ -84,18 +85,18 @@ def test_three_ends_while_it_is_loaded_are_enough_and_others_do_not_count() -> N
     trial = TerrainRetry()
     assert trial.on_exit() is None
     for _ in range(2):
-        trial.on_message({"terrain": LOADING})
+        trial.on_loading(TerrainLoading(True))
         assert trial.on_exit() is None
     assert trial.on_exit() is None  # it had not begun to load
-    trial.on_message({"terrain": LOADING})
+    trial.on_loading(TerrainLoading(True))
     assert trial.on_exit() == "navigation ended 3 times while it was loaded"
 
 
 def test_a_ground_that_came_in_the_end_makes_up_for_ends_before() -> None:
     trial = TerrainRetry()
     for _ in range(5):
-        trial.on_message({"terrain": LOADING})
+        trial.on_loading(TerrainLoading(True))
         assert trial.on_exit() is None
-        trial.on_message({"terrain": LOADING})
-        trial.on_message({"terrain": DONE})
+        trial.on_loading(TerrainLoading(True))
+        trial.on_loading(TerrainLoading(False))
         assert trial.on_exit() is None

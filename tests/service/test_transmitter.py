@@ -12,6 +12,8 @@ from fti.config import Config, Device, SerialLink, Session
 from fti.devices import bind_devices
 from fti.errors import LinkError, PartialSendError
 from fti.links import Link, LinkStatus, Sink
+from fti.messages.control import SendBytes, SendResult
+from fti.messages.tables import to_table
 from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.device_monitor import POLLING_BLOCKED, DeviceMonitor
 from fti.service.recorder.transmitter import COMMAND_TIMEOUT_S, Transmitter
@@ -49,7 +51,7 @@ class FakeLink:
 
 class Rig:
     def __init__(self, *polls: tuple[float, str]) -> None:
-        self.clock, self.link, self.replies = FakeClock(5 * SECOND_NS), FakeLink(), list[dict[str, Any]]()
+        self.clock, self.link, self.replies = FakeClock(5 * SECOND_NS), FakeLink(), list[SendResult]()
         links: dict[str, Link] = {"line": self.link}
         startups = {"line": LinkStartup(polls=polls)}
         self.sender = Transmitter(links, startups, self.clock, send_reply=self.replies.append, report=self.fail)
@@ -57,12 +59,12 @@ class Rig:
     def fail(self, unit: str, error: Exception) -> None:
         raise AssertionError(unit) from error
 
-    async def reply(self, **request: Any) -> dict[str, Any]:
+    async def reply(self, link: str = "line", until_ns: int | None = None) -> dict[str, Any]:
         """The reply to a request."""
         self.replies.clear()
-        self.sender.handle_command({"link": "line", "data": "2a31", "id": 4} | request)
+        self.sender.handle_command(SendBytes(4, link, "2a31", until_ns))
         await until_async(lambda: self.replies)
-        reply: dict[str, Any] = self.replies[0]["sent"]
+        reply: dict[str, Any] = to_table(self.replies[0])
         return reply
 
 
@@ -107,10 +109,10 @@ async def test_after_stop_nothing_is_sent() -> None:
     rig = Rig((0.001, "3f"))
     rig.link.takes.clear()
     rig.sender.start()
-    rig.sender.handle_command({"link": "line", "data": "2a31", "id": 4})
+    rig.sender.handle_command(SendBytes(4, "line", "2a31"))
     await asyncio.sleep(0)
     await rig.sender.stop()
-    rig.sender.handle_command({"link": "line", "data": "2a31", "id": 5})
+    rig.sender.handle_command(SendBytes(5, "line", "2a31"))
     rig.link.takes.set()
     await asyncio.sleep(0.01)
     assert (rig.link.taken, rig.replies) == ([], [])
@@ -156,5 +158,5 @@ def test_a_silent_device_that_is_not_asked_has_a_hint(transmit: bool) -> None:
     config = make_config(transmit)
     diagnosis = DeviceMonitor(config, Chain(config, bind_devices(config, {}), None))
     health = diagnosis.devices(SECOND_NS)["laser"]
-    assert health["state"] == "silent"
-    assert (POLLING_BLOCKED in health["hint"]) is not transmit
+    assert health.state == "silent"
+    assert (POLLING_BLOCKED in health.hint) is not transmit

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
+from fti.messages.control import EventNote
+from fti.messages.outputs import Event
 from fti.service.children import Child
-from fti.service.control_channel import ControlMessage
 from fti.service.supervisor.child_monitor import RecorderOutbox
 from fti.service.supervisor.watchdog import MAX_STALL_S, MAX_START_S, PERIOD_S, Watchdog
 
@@ -139,9 +140,13 @@ class Listening:
     def __init__(self) -> None:
         self.got: list[Any] = []
 
-    def send(self, message: ControlMessage) -> bool:
-        self.got.append(message["note"]["content"]["text"])
+    def send(self, message: EventNote) -> bool:
+        self.got.append(message.event.text)
         return True
+
+
+def note(t_ns: int, text: str) -> EventNote:
+    return EventNote(Event(t_ns=t_ns, level="info", source="mark", text=text))
 
 
 def test_what_waited_goes_to_the_recorder_that_moves_in_its_order() -> None:
@@ -149,13 +154,13 @@ def test_what_waited_goes_to_the_recorder_that_moves_in_its_order() -> None:
     outbox = RecorderOutbox(child)
     stopped, after = Listening(), Listening()
     child.channel = stopped
-    outbox.add_note("/fti/event", 1, {"text": "before"})
+    outbox.add_note(note(1, "before"))
     outbox.pause()
-    outbox.add_note("/fti/event", 2, {"text": "a mark"})
-    outbox.add_note("/fti/event", 3, {"text": "has not moved"})
+    outbox.add_note(note(2, "a mark"))
+    outbox.add_note(note(3, "has not moved"))
     child.channel = None  # it was killed
-    outbox.add_note("/fti/event", 4, {"text": "ended with signal 9"})
+    outbox.add_note(note(4, "ended with signal 9"))
     child.channel = after
     outbox.resume()
-    outbox.add_note("/fti/event", 5, {"text": "now"})
+    outbox.add_note(note(5, "now"))
     assert (stopped.got, after.got) == (["before"], ["a mark", "has not moved", "ended with signal 9", "now"])

@@ -419,7 +419,7 @@ class FakeDaemon:
                 navigation.publish(topic, encode_with_age(fields, t_ns, t_ns + 4_000_000, MAX_AGE_MS))
             if navigation and not self.muted & {topic, BUS_ALARMS}:
                 for report in self._conditions.feed((_as_output(output, fields),)):
-                    self.alarms.handle_report(report.as_json())
+                    self.alarms.handle_report(report.as_record())
 
     def _send_events(self, t: float) -> None:
         while self._events and self._events[0][0] <= t:
@@ -455,7 +455,7 @@ class DisplayProcess:
         command = [sys.executable, "-m", "fti.service.display", *where]
         self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True)
         theirs.close()
-        self.send({"key": KEY})
+        self.send("PageKey", key=KEY)
         self.port = self._read_port()
         self.url = f"http://127.0.0.1:{self.port}/"
         self.owner_url = f"{self.url}#key={KEY}"
@@ -466,7 +466,7 @@ class DisplayProcess:
         if not message:
             self.control.close()
             raise ConnectionError(f"the display ended with code {self.process.wait(10.0)}")
-        return int(message["port"])
+        return int(message["PagePort"]["port"])
 
     def read_message(self) -> dict[str, Any]:
         """Next message of the display to its supervisor; empty at its end."""
@@ -474,9 +474,9 @@ class DisplayProcess:
             content: dict[str, Any] = json.loads(lines.readline() or "{}")
         return content
 
-    def send(self, message: dict[str, Any]) -> None:
+    def send(self, name: str, **fields: Any) -> None:
         """Send it a message, as its supervisor does."""
-        self.control.sendall(json.dumps(message).encode() + b"\n")
+        self.control.sendall(json.dumps({name: fields}).encode() + b"\n")
 
     def close(self) -> int:
         """Close the control channel, as at the end of its supervisor; returns the exit code."""

@@ -233,7 +233,7 @@ async def test_a_stopped_daemon_is_announced(page: Page, daemon: FakeDaemon) -> 
 async def test_a_lost_connection_is_unmistakable_and_ends(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
-    display.send({"catalogue": CATALOGUE})
+    display.send("UsableDevices", devices=CATALOGUE)
     await page.wait_for(f"!{by_testid('commands-open')}.hidden")
     display.process.send_signal(signal.SIGSTOP)
     await page.eval(f"{by_testid('commands-send')}.click()")
@@ -253,14 +253,14 @@ async def test_a_lost_connection_is_unmistakable_and_ends(
         await page.wait_for(FRESH)
         await page.eval(f"{by_testid('mark-text')}.value = 'second display'")
         await page.wait_for(f"{by_testid('mark-button')}.click() || {shows('mark-answer', 'marked')}")
-        assert await asyncio.to_thread(successor.read_message) == {"mark": "second display", "who": ME}
+        assert await asyncio.to_thread(successor.read_message) == mark("second display")
     finally:
         await asyncio.to_thread(successor.close)
 
 
 async def test_without_the_key_the_page_only_shows(daemon: FakeDaemon, display: DisplayProcess) -> None:
     daemon.breakers = {}
-    display.send({"catalogue": [*CATALOGUE, PDU]})
+    display.send("UsableDevices", devices=[*CATALOGUE, PDU])
     async with Chromium() as browser:
         for address, fault in ((display.url, WITHOUT_KEY), (f"{display.url}#key=of_an_earlier_start", WRONG_KEY)):
             page = await browser.open(address)
@@ -306,7 +306,7 @@ async def test_the_file_of_the_run_directory_leads_to_the_page_with_the_key(
 
 
 async def test_a_display_that_hangs_is_a_lost_connection(page: Page, display: DisplayProcess) -> None:
-    display.send({"catalogue": CATALOGUE})
+    display.send("UsableDevices", devices=CATALOGUE)
     await page.wait_for(f"!{by_testid('commands-open')}.hidden")
     display.process.send_signal(signal.SIGSTOP)
     try:
@@ -351,7 +351,7 @@ async def test_an_alarm_that_has_ended_stays_until_it_is_acknowledged(
     await page.reload()
     await page.wait_for(f"{FRESH} && {shows(tile, 'ended after')} && {MAY_COMMAND}")
     await page.press("a")
-    assert await asyncio.to_thread(display.read_message) == {"acknowledge": None, "who": ME}
+    assert await asyncio.to_thread(display.read_message) == {"PageAcknowledgement": {"alarm_id": None, "who": ME}}
     daemon.alarms.acknowledge(ME, None)
     await page.wait_for(f"{by_testid(tile)} === null && !{by_testid('no-alarms')}.hidden")
 
@@ -362,7 +362,9 @@ async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
     tile = "alarm-integrity_alert"
     await raise_alert(daemon, page)
     await page.eval(f"{by_testid(tile)}.click()")
-    assert await asyncio.to_thread(display.read_message) == {"acknowledge": "integrity_alert", "who": ME}
+    assert await asyncio.to_thread(display.read_message) == {
+        "PageAcknowledgement": {"alarm_id": "integrity_alert", "who": ME}
+    }
     daemon.alarms.acknowledge("berta", "integrity_alert")
     await page.wait_for(f"{by_testid(tile)}.classList.contains('acknowledged')")
     await page.eval(f"{by_testid('alarm-more')}.click()")
@@ -458,7 +460,7 @@ async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
     assert await page.eval(f"document.activeElement === {by_testid('mark-text')}")
     await page.type_text("approach 3 <b>")
     await page.press("Enter")
-    assert await asyncio.to_thread(display.read_message) == {"mark": "approach 3 <b>", "who": ME}
+    assert await asyncio.to_thread(display.read_message) == mark("approach 3 <b>")
     await page.wait_for(shows("mark-answer", "marked"))
     assert await page.eval(f"{by_testid('mark-text')}.value === '' && document.activeElement === document.body")
     daemon.publish_event("info", "mark", "approach 3 <b>")
@@ -468,10 +470,7 @@ async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
     await page.screenshot(tmp_path / "mark.png")
     assert page.problems == []
     await page.eval(f"{by_testid('mark-button')}.click()")
-    assert await asyncio.to_thread(display.read_message) == {
-        "mark": "mark",
-        "who": ME,
-    }  # there may be no time for words
+    assert await asyncio.to_thread(display.read_message) == mark("mark")  # there may be no time for words
     await page.eval(f"for (let i = 0; i < 20; i += 1) {by_testid('mark-button')}.click()")
     await page.wait_for(shows("mark-answer", "more than 5 marks or commands per second"))
 
@@ -491,7 +490,7 @@ async def test_a_fallback_medium_and_a_snapshot_session_are_reported(
         await page.resize(width, height)
         assert await page.eval(CUT_OFF) == []
     await page.eval(f"{by_testid('snapshot-button')}.click()")
-    assert await asyncio.to_thread(display.read_message) == {"mark": "snapshot", "trigger": True, "who": ME}
+    assert await asyncio.to_thread(display.read_message) == mark("snapshot", is_trigger=True)
     await page.wait_for(shows("mark-answer", "triggered"))
 
 
@@ -545,6 +544,11 @@ def make_clocks(health: dict[str, Any]) -> None:
         health["devices"][name]["clocks"] = known
 
 
+def mark(text: str, *, is_trigger: bool = False) -> dict[str, Any]:
+    """The message of the display process for a mark."""
+    return {"PageMark": {"text": text, "who": ME, "is_trigger": is_trigger}}
+
+
 CATALOGUE = [
     {
         "name": "magnetometer",
@@ -576,7 +580,16 @@ CATALOGUE = [
 def make_request(key: str, number: int, state: str, outcome: str, **more: Any) -> dict[str, Any]:
     ended = state not in ("sending", "waiting")
     what = f"{number}: magnetometer set_rate rate=50" if number else "magnetometer set_rate rate=7"
-    fields = {"id": key, "number": number, "title": what, "outcome": outcome, "state": state, "ended": ended}
+    fields: dict[str, Any] = {
+        "id": key,
+        "number": number,
+        "title": what,
+        "outcome": outcome,
+        "state": state,
+        "ended": ended,
+    }
+    fields |= {"device": "magnetometer", "command": "set_rate", "args": {}, "detail": ""}
+    fields |= {"sent_ns": None, "answered_ns": None}
     return fields | {"t_ns": 1_775_986_267_000_000_000 + number, "who": "the page", "data": "2a303157450d"} | more
 
 
@@ -584,7 +597,7 @@ async def test_a_command_goes_down_once_and_its_end_comes_back(
     page: Page, display: DisplayProcess, tmp_path: Path
 ) -> None:
     assert await page.eval(f"{by_testid('commands-open')}.hidden")
-    display.send({"catalogue": CATALOGUE})
+    display.send("UsableDevices", devices=CATALOGUE)
     await page.wait_for(f"!{by_testid('commands-open')}.hidden")
     await page.eval(f"{by_testid('commands-open')}.click()")
     assert await page.eval("document.getElementById('links').hidden && !document.getElementById('commands').hidden")
@@ -593,16 +606,16 @@ async def test_a_command_goes_down_once_and_its_end_comes_back(
     await page.type_text("50")
     await page.eval(f"for (let i = 0; i < 5; i += 1) {by_testid('commands-send')}.click()")
     request_sent = await asyncio.to_thread(display.read_message)
-    request = {"device": "magnetometer", "command": "set_rate", "args": {"rate": "50"}}
-    assert request_sent["send"] == request | {"id": request_sent["send"]["id"]}
+    request = {"device": "magnetometer", "command": "set_rate", "args": {"rate": "50"}, "who": ME}
+    assert request_sent["PageCommand"] == request | {"id": request_sent["PageCommand"]["id"]}
     assert await page.eval(f"{by_testid('commands-send')}.disabled")
-    key = request_sent["send"]["id"]
+    key = request_sent["PageCommand"]["id"]
     for number, (state, outcome) in enumerate(EARLIER, 1):
-        display.send({"command": make_request(f"k{number}", number, state, outcome)})
-    display.send({"command": make_request(key, 7, "waiting", "waiting")})
+        display.send("CommandProgress", **make_request(f"k{number}", number, state, outcome))
+    display.send("CommandProgress", **make_request(key, 7, "waiting", "waiting"))
     await page.wait_for(shows("commands-word", "waiting"))
     assert await page.eval(f"{by_testid('commands-send')}.disabled")
-    display.send({"command": make_request(key, 7, "acknowledged", "acknowledged after 34 ms")})
+    display.send("CommandProgress", **make_request(key, 7, "acknowledged", "acknowledged after 34 ms"))
     await page.wait_for(f"!{by_testid('commands-send')}.disabled")
     assert await page.text("commands-word") == "acknowledged after 34 ms"
     states = "[...document.querySelectorAll('#commands li')].map((item) => item.dataset.state)"
@@ -643,8 +656,8 @@ async def shows_what_the_chosen_command_takes(page: Page, display: DisplayProces
     await page.eval(f"{by_testid('commands-argument-surface')}.focus()")
     await page.press("m")
     assert await page.eval(f"{by_testid('commands-argument-surface')}.value") == "m"  # and no mark
-    display.send({"catalogue": CATALOGUE})  # a repeated catalogue does not change the input
-    display.send({"command": make_request("k", 1, "waiting", "waiting")})
+    display.send("UsableDevices", devices=CATALOGUE)  # a repeated catalogue does not change the input
+    display.send("CommandProgress", **make_request("k", 1, "waiting", "waiting"))
     await page.wait_for(shows("commands-answers", "waiting"))
     assert await page.eval(f"{by_testid('commands-argument-surface')}.value") == "m"
     await page.eval(f"{by_testid('commands-argument-surface')}.value = 'm'.repeat(2000)")
@@ -711,11 +724,11 @@ async def test_a_breaker_is_pressed_once_and_a_refusal_is_reported(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
     daemon.breakers = {"radar_altimeter": "tripped"}
-    display.send({"catalogue": [PDU]})
+    display.send("UsableDevices", devices=[PDU])
     button = by_testid("breaker-radar_altimeter")
     await page.wait_for(f"{button} && !{button}.disabled")
     await page.eval(f"for (let i = 0; i < 3; i += 1) {button}.click()")
-    request_sent = (await asyncio.to_thread(display.read_message))["send"]
+    request_sent = (await asyncio.to_thread(display.read_message))["PageCommand"]
     assert request_sent == {
         "device": "pdu",
         "command": "reset",
@@ -724,9 +737,9 @@ async def test_a_breaker_is_pressed_once_and_a_refusal_is_reported(
     }
     await page.wait_for(f"{button}.disabled")
     refused = make_request(request_sent["id"], 1, "refused", "refused after 2 ms: it is hot", args=request_sent["args"])
-    display.send({"command": refused})
+    display.send("CommandProgress", **refused)
     await page.wait_for(shows("laboratory-said", "radar altimeter: refused after 2 ms: it is hot"))
     await page.wait_for(f"!{button}.disabled")
     await page.eval(f"{by_testid('breaker-gnss')}.click()")
-    request_sent = (await asyncio.to_thread(display.read_message))["send"]
+    request_sent = (await asyncio.to_thread(display.read_message))["PageCommand"]
     assert (request_sent["command"], request_sent["args"]) == ("off", {"breaker": "gnss"})

@@ -5,12 +5,14 @@ import json
 import re
 import socket
 from collections.abc import AsyncIterator, Callable
+from dataclasses import asdict
 from typing import Any
 
 import aiohttp
 import pytest
 
 from fti.errors import MissingError
+from fti.messages.control import CommandProgress, DeviceCommands, PageCommand, PageMark, UsableDevices
 from fti.web.commands import CommandGate, Send
 from fti.web.live_state import LiveState
 from fti.web.server import PageServer, static_files
@@ -26,6 +28,16 @@ OUTSIDE = re.compile(
 
 def make_server(live: LiveState, now_ns: Callable[[], int], send: Send) -> PageServer:
     return PageServer(live, now_ns, CommandGate(KEY, send, now_ns), lambda peer, here: f"alice:{peer[1] != here[1]}")
+
+
+MAG = DeviceCommands("mag", "hmr2300", "line", True, {})
+
+
+def progress(n: int, state: str) -> CommandProgress:
+    texts = {"device": "mag", "command": "reset", "who": "me", "data": "", "title": "", "outcome": "", "detail": ""}
+    return CommandProgress(
+        id=f"k{n}", number=n, args={}, state=state, ended=False, t_ns=n, sent_ns=None, answered_ns=None, **texts
+    )
 
 
 class Site:
@@ -154,7 +166,7 @@ async def test_a_mark_goes_to_the_daemon(site: Site) -> None:
     async with site.connect() as ws:
         text = "  begin of\u0000\n approach\u202e 3 – Ä \ud83d\ude80 "
         assert await answers(ws, {"command": "mark", "text": text, "key": KEY}) == [None]
-        assert site.taken == [{"mark": "begin of approach 3 – Ä \U0001f680", "who": "alice:True"}]
+        assert site.taken == [PageMark("begin of approach 3 – Ä \U0001f680", "alice:True")]
         site.listens = False
         assert await answers(ws, {"command": "mark", "text": "x", "key": KEY}) == ["the daemon cannot be reached"]
 
@@ -181,7 +193,7 @@ async def test_nothing_that_is_served_has_the_key(site: Site) -> None:
         async with site.client.get(f"http://127.0.0.1:{site.port}{path}") as response:
             assert KEY.encode() not in await response.read() + repr(response.headers).encode()
     async with site.connect() as ws:
-        site.server.board.update({"catalogue": [{"name": "mag"}]})
+        site.server.board.update(UsableDevices((MAG,)))
         assert KEY not in json.dumps([await ws.receive_json() for _ in range(4)])
 
 
@@ -203,7 +215,7 @@ async def test_who_tries_keys_is_cut_off(site: Site) -> None:
 async def test_a_snapshot_is_a_mark_that_triggers(site: Site) -> None:
     async with site.connect() as ws:
         assert await answers(ws, {"command": "snapshot", "text": "flutter", "key": KEY}) == [None]
-    assert site.taken == [{"mark": "flutter", "trigger": True, "who": "alice:True"}]
+    assert site.taken == [PageMark("flutter", "alice:True", is_trigger=True)]
 
 
 async def test_a_command_to_a_device_goes_to_the_daemon(site: Site) -> None:
@@ -211,8 +223,7 @@ async def test_a_command_to_a_device_goes_to_the_daemon(site: Site) -> None:
     async with site.connect() as ws:
         assert await answers(ws, request | {"key": KEY}) == [None]
         assert await answers(ws, request | {"key": "x"}) == [WRONG_KEY]
-    sent = {"id": "r-1", "device": "mag", "command": "set_rate", "args": {"rate": "20"}}
-    assert site.taken == [{"send": sent, "who": "alice:True"}]
+    assert site.taken == [PageCommand("r-1", "mag", "set_rate", "alice:True", {"rate": "20"})]
 
 
 @pytest.mark.parametrize(
@@ -229,13 +240,13 @@ async def test_pages_receive_commands_after_a_change(site: Site) -> None:
     async with site.connect() as ws:
         kinds = [(await ws.receive_json())["type"] for _ in range(3)]
         assert "commands" not in kinds
-        site.server.board.update({"catalogue": [{"name": "mag"}]})
+        site.server.board.update(UsableDevices((MAG,)))
         while (message := await ws.receive_json())["type"] != "commands":
             pass
-        assert message == {"type": "commands", "devices": [{"name": "mag"}], "requests": []}
+        assert message == {"type": "commands", "devices": [asdict(MAG)], "requests": []}
         for n in range(25):
-            site.server.board.update({"command": {"id": f"k{n}", "t_ns": n, "state": "sending"}})
-        site.server.board.update({"command": {"id": "k24", "t_ns": 24, "state": "acknowledged"}})
+            site.server.board.update(progress(n, "sending"))
+        site.server.board.update(progress(24, "acknowledged"))
         while (message := await ws.receive_json())["type"] != "commands":
             pass
         assert [request["id"] for request in message["requests"]] == [f"k{n}" for n in range(24, 4, -1)]
@@ -264,7 +275,7 @@ async def test_what_is_no_mark_is_refused(site: Site, command: dict[str, Any], f
 async def test_the_longest_mark_is_taken_in_any_script(site: Site) -> None:
     async with site.connect() as ws:
         assert await answers(ws, {"command": "mark", "text": "ä" * 200, "key": KEY}) == [None]
-    assert site.taken == [{"mark": "ä" * 200, "who": "alice:True"}]
+    assert site.taken == [PageMark("ä" * 200, "alice:True")]
 
 
 async def test_a_flood_is_stopped_for_all_pages_together(site: Site) -> None:

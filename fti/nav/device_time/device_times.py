@@ -13,6 +13,7 @@ from typing import Any
 
 from fti.config import Device
 from fti.messages.measurements import Measurement, Stamp, TimeScale
+from fti.messages.notes import ClockEstimate, DeviceClockRecord, GnssTime
 from fti.messages.outputs import Event
 from fti.nav.device_time.clock_estimator import ARRIVAL_SD_NS, WINDOW_S, ClockEstimator, ClockState
 from fti.nav.device_time.delay_envelope import Z95
@@ -117,15 +118,15 @@ class DeviceTimes:
         clock = self.clocks[key] = ClockEstimator(key[1], _latency_ns(device), max_age_ns, self._window, device.name)
         return clock
 
-    def tick(self, t_ns: int) -> dict[str, Any] | None:
+    def tick(self, t_ns: int) -> DeviceClockRecord | None:
         """Once a second, the state of every clock, for ``/fti/device_clock``."""
         if t_ns // SECOND_NS == self._second:
             return None
         self._second = t_ns // SECOND_NS
         clocks = {f"{name}_{scale}": describe(clock, t_ns) for (name, scale), clock in self.clocks.items()}
-        return {"t_ns": t_ns, "clocks": clocks, "gnss": self._gnss(t_ns)} if clocks else None
+        return DeviceClockRecord(t_ns=t_ns, clocks=clocks, gnss=self._gnss(t_ns)) if clocks else None
 
-    def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
+    def clocks_of(self, device: str, t_ns: int) -> list[ClockEstimate]:
         """State of the clocks of a device, common time scales first."""
         order = [*GNSS_SCALES, *(scale for scale in TimeScale if scale not in GNSS_SCALES)]
         known = [self.clocks[device, scale] for scale in order if (device, scale) in self.clocks]
@@ -136,41 +137,37 @@ class DeviceTimes:
         news = [text for clock in self.clocks.values() for text in clock.drain_event_texts()]
         return [Event(t_ns=t_ns, level="info", source="clock", text=text) for text in news]
 
-    def _gnss(self, t_ns: int) -> dict[str, Any]:
+    def _gnss(self, t_ns: int) -> GnssTime:
         """GPS or UTC time at t_ns, from the first device whose clock is known; empty without one."""
         good = [key for key, clock in self.clocks.items() if clock.state is ClockState.GOOD]
         for scale in GNSS_SCALES:
             for device in self._devices:
                 if (device, scale) in good:
                     clock = self.clocks[device, scale]
-                    return {"device": device, "scale": scale, "time_ns": clock.device_ns(t_ns)}
-        return {}
+                    return GnssTime(device=device, scale=scale, time_ns=clock.device_ns(t_ns))
+        return GnssTime()
 
 
-def describe(clock: ClockEstimator, t_ns: int) -> dict[str, Any]:
-    """A clock at the FTI time t_ns.
-
-    offset_ns : device - FTI; drift_ppm : relative to FTI time, positive: faster; validity_sd_ns : of ``t_valid_ns``
-    usual_ns  : median delay beyond the minimum; refused : messages that did not fit
-    """
+def describe(clock: ClockEstimator, t_ns: int) -> ClockEstimate:
+    """A clock at the FTI time t_ns."""
     segment = clock.segments[-1]
     good, known = clock.state is ClockState.GOOD, segment.is_known
     sd_ns = clock.sd_ns(t_ns)
-    return {
-        "scale": clock.scale,
-        "state": clock.state,
-        "offset_ns": clock.device_ns(t_ns) - t_ns,
-        "offset_sd_ns": sd_ns if known else None,
-        "drift_ppm": segment.drift_ppm if known else None,
-        "drift_sd_ppm": 1e6 * segment.line.slope_95 / Z95 if known else None,
-        "validity_sd_ns": sd_ns if good else ARRIVAL_SD_NS,
-        "usual_ns": segment.line.spread if known else None,
-        "largest_ns": segment.largest_ns,
-        "messages": segment.messages,
-        "late": segment.late,
-        "refused": clock.refused,
-        "segments": len(clock.segments),
-    }
+    return ClockEstimate(
+        scale=clock.scale,
+        state=clock.state,
+        offset_ns=clock.device_ns(t_ns) - t_ns,
+        offset_sd_ns=sd_ns if known else None,
+        drift_ppm=segment.drift_ppm if known else None,
+        drift_sd_ppm=1e6 * segment.line.slope_95 / Z95 if known else None,
+        validity_sd_ns=sd_ns if good else ARRIVAL_SD_NS,
+        usual_ns=segment.line.spread if known else None,
+        largest_ns=segment.largest_ns,
+        messages=segment.messages,
+        late=segment.late,
+        refused=clock.refused,
+        segments=len(clock.segments),
+    )
 
 
 def _latency_ns(device: Device) -> int:

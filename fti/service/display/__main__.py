@@ -15,7 +15,8 @@ from pathlib import Path
 
 from fti.clock import SystemClock
 from fti.errors import FtiError, MissingError
-from fti.service.control_channel import ControlChannel, ControlMessage, open_inherited_channel
+from fti.messages.control import FromDisplay, PageFault, PageKey, PagePort, Stop, ToDisplay
+from fti.service.control_channel import ControlChannel, ControlMessageError, open_inherited_channel
 from fti.service.display.bus_feed import subscribe
 from fti.service.display.tcp_user import user_of_connection
 from fti.terminal_text import escape_controls
@@ -29,16 +30,25 @@ PROCESS = "display"
 RETRY_S = 2.0
 
 
-async def wait_for_end(channel: ControlChannel, update: Callable[[ControlMessage], None]) -> None:
+def receive(channel: ControlChannel) -> list[ToDisplay]:
+    """The messages of the supervisor; one that is not understood is reported to it."""
+
+    def refuse(error: ControlMessageError) -> None:
+        channel.send(PageFault(str(error)))
+
+    return channel.receive(refuse)
+
+
+async def wait_for_end(channel: ControlChannel, update: Callable[[ToDisplay], None]) -> None:
     """Wait until the supervisor sends stop or has ended, or for SIGTERM.  update : receives its messages"""
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
 
     def on_control() -> None:
-        messages = channel.receive()
+        messages = receive(channel)
         for message in messages:
             update(message)
-        if channel.has_ended or any(message.get("stop") for message in messages):
+        if channel.has_ended or any(isinstance(message, Stop) for message in messages):
             ended.set()
 
     loop.add_reader(channel.fileno(), on_control)
@@ -57,11 +67,11 @@ async def receive_key(channel: ControlChannel) -> str | None:
         while not channel.has_ended:
             await readable.wait()
             readable.clear()
-            messages = channel.receive()
-            if any(message.get("stop") for message in messages):
+            messages = receive(channel)
+            if any(isinstance(message, Stop) for message in messages):
                 return None
-            if messages:
-                return str(messages[0]["key"])
+            if keys := [message.key for message in messages if isinstance(message, PageKey)]:
+                return keys[0]
     finally:
         loop.remove_reader(channel.fileno())
     return None
@@ -87,7 +97,7 @@ async def serve(bus: Path, port: int, channel: ControlChannel) -> None:
         subscriber.close()
 
 
-async def start_page(server: PageServer, port: int, report: Callable[[ControlMessage], object]) -> None:
+async def start_page(server: PageServer, port: int, report: Callable[[FromDisplay], object]) -> None:
     """Start serving, and report the port.
 
     While another program uses the port, this is reported once and retried; the recording continues without the page.
@@ -95,11 +105,11 @@ async def start_page(server: PageServer, port: int, report: Callable[[ControlMes
     is_reported = False
     while True:
         try:
-            report({"ready": True, "port": await server.start(port)})
+            report(PagePort(await server.start(port)))
             return
         except MissingError as error:
             if not is_reported:
-                report({"fault": f"{error}; recording continues without the page; retrying"})
+                report(PageFault(f"{error}; recording continues without the page; retrying"))
             is_reported = True
         await asyncio.sleep(RETRY_S)
 

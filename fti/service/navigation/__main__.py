@@ -12,6 +12,7 @@ from pathlib import Path
 from fti.clock import SystemClock
 from fti.config import Config
 from fti.logger.file_mode import set_file_mode
+from fti.messages.control import ToNavigation
 from fti.nav.kernel_warmup import warm_up
 from fti.service.control_channel import await_startup
 from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
@@ -27,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
         signal.signal(number, signal.SIG_IGN)
     _end_before_recorder()
-    received = await_startup(args.control_fd)
+    received = await_startup(args.control_fd, ToNavigation)
     if received:
         channel, text, ring_fds = received
         startup = NavigationStartup.model_validate_json(text)

@@ -15,9 +15,9 @@ from fti.devices import BoundDevice
 from fti.drivers import Counters, Decoder, StatefulDecoder
 from fti.messages.frames import ALL_SOURCES, TICK_LINK, RawFrame
 from fti.messages.measurements import Measurement
+from fti.messages.notes import ClockEstimate, NavigationNote, ReadmissionRecord, TerrainRecord
 from fti.messages.outputs import Event, Output
 from fti.messages.refusals import CarriedRefusal
-from fti.messages.topics import ALARM_REPORT_TOPIC, DEVICE_CLOCK_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.device_time.device_times import DeviceTimes
 from fti.nav.integrity.reference import ApproachReference
@@ -36,7 +36,7 @@ class ChainOutput:
 
     measurements: list[tuple[str, Measurement]] = field(default_factory=list)
     outputs: list[Output | Event] = field(default_factory=list)
-    notes: list[tuple[str, int, dict[str, Any]]] = field(default_factory=list)  # topic, time [ns], content
+    notes: list[NavigationNote] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -88,8 +88,8 @@ class Chain:
         about: dict[str, Any] = {"fault": fault or ""}
         if ground:
             about = {"name": ground.name, "files": ground.files, "sha256": ground.digest}
-        products.notes.append((TERRAIN_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, **about}))
-        products.notes.append(_alarm_note(self._conditions.report_terrain(t_ns, fault)))
+        products.notes.append(TerrainRecord(t_ns=t_ns, after_seq=after_seq, **about))
+        products.notes.append(self._conditions.report_terrain(t_ns, fault).as_record())
         level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")
         products.outputs.append(Event(t_ns=t_ns, level=level, source="terrain", text=text))
         return products
@@ -98,11 +98,11 @@ class Chain:
         """Readmit a source, or all, after frame ``after_seq`` at t_ns.  Raises KeyError."""
         products = ChainOutput()
         if source == ALL_SOURCES:
-            products.notes += map(_alarm_note, self._conditions.end_all(t_ns))
+            products.notes += map(ConditionReport.as_record, self._conditions.end_all(t_ns))
             products.outputs.append(self._reset_navigation(t_ns))
         else:
             products.outputs += self._pipeline.readmit(source, t_ns)
-        products.notes.append((READMISSION_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, "source": source}))
+        products.notes.append(ReadmissionRecord(t_ns=t_ns, after_seq=after_seq, source=source))
         return products
 
     def _reset_navigation(self, t_ns: int) -> Event:
@@ -140,7 +140,7 @@ class Chain:
 
     def _report_conditions(self, frame: RawFrame, products: ChainOutput) -> None:
         with _EventGuard("alarm conditions", frame, products):
-            products.notes += map(_alarm_note, self._conditions.feed(products.outputs))
+            products.notes += map(ConditionReport.as_record, self._conditions.feed(products.outputs))
 
     def _navigate(self, device: str, found: list[Measurement], frame: RawFrame, products: ChainOutput) -> None:
         guard = _EventGuard("pipeline", frame, products)
@@ -154,13 +154,13 @@ class Chain:
                     products.outputs += self._pipeline.feed(device, stamped)
                 done = True
 
-    def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
-        """The clocks of a device at a time, in the form of ``/fti/device_clock``."""
+    def clocks_of(self, device: str, t_ns: int) -> list[ClockEstimate]:
+        """The clocks of a device at a time."""
         return self._times.clocks_of(device, t_ns)
 
     def _publish_device_clocks(self, t_ns: int, products: ChainOutput) -> None:
         if note := self._times.tick(t_ns):
-            products.notes.append((DEVICE_CLOCK_TOPIC, t_ns, note))
+            products.notes.append(note)
             products.outputs += self._times.drain_events(t_ns)
 
     def _decode(self, device_decoder: DeviceDecoder, frame: RawFrame, products: ChainOutput) -> list[Measurement]:
@@ -175,10 +175,6 @@ class Chain:
             device_decoder.messages += len(found)
             device_decoder.last_ns = frame.t_rx_ns
         return found
-
-
-def _alarm_note(report: ConditionReport) -> tuple[str, int, dict[str, Any]]:
-    return ALARM_REPORT_TOPIC, report.t_ns, report.as_json()
 
 
 class _EventGuard(Guard):

@@ -11,13 +11,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from fti.errors import StorageError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.log_segment import LogSegment
 from fti.logger.storage_target import StorageTarget
 from fti.messages.measurements import Measurement
+from fti.messages.notes import NavigationNote
 from fti.messages.outputs import Event, Output
 from fti.service.fault_guard import FailureHandler, catch_failures
 
@@ -63,13 +63,9 @@ class DerivedWriter:
         """Queue an output or an event."""
         self._put(lambda: self._log.write_output(output))
 
-    def gap(self, t_ns: int, content: dict[str, Any]) -> None:
-        """Queue a note about missing frames."""
-        self._put(lambda: self._log.write_gap(t_ns, content))
-
-    def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
-        """Queue another note, such as ``/fti/device_clock``."""
-        self._put(lambda: self._log.write_note(topic, t_ns, content))
+    def note(self, note: NavigationNote) -> None:
+        """Queue a note."""
+        self._put(lambda: self._log.write_note(note))
 
     def close(self) -> None:
         """Write the queue, close the file and end the thread."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fti import drivers
 from fti.config import Config
 from fti.drivers import Decoder
 from fti.messages.frames import LinkState, RawFrame
+from fti.messages.health import DeviceHealth
 from fti.service.navigation.clock_status import clock_status
 from fti.service.navigation.decode_chain import GAP, Chain, DeviceDecoder
 
@@ -99,13 +100,13 @@ class DeviceMonitor:
             recent += frame.data
             del recent[:-RECENT_BYTES]
 
-    def devices(self, now_ns: int) -> dict[str, dict[str, Any]]:
+    def devices(self, now_ns: int) -> dict[str, DeviceHealth]:
         """Health of every device."""
         return {
             device_decoder.name: self._device(device_decoder, now_ns) for device_decoder in self._chain.device_decoders
         }
 
-    def _device(self, device_decoder: DeviceDecoder, now_ns: int) -> dict[str, Any]:
+    def _device(self, device_decoder: DeviceDecoder, now_ns: int) -> DeviceHealth:
         counters, device = device_decoder.decoder.counters, device_decoder.bound.device
         past = self._past[device_decoder.name]
         bad = sum(n for reason, n in counters.skipped.items() if reason not in NO_FRAME_REASONS)
@@ -116,24 +117,24 @@ class DeviceMonitor:
         state, hint = self._assess(device_decoder, past, rate)
         if state is LinkState.SILENT and device_decoder.name in self._unpolled:
             hint = f"{hint}; {POLLING_BLOCKED}"
-        return {
-            "link": device.link,
-            "driver": device.driver,
-            "state": state,
-            "hint": hint,
-            "is_known": self._is_known,
-            "messages": device_decoder.messages,
-            "rate_hz": rate,
-            "age_ms": None if device_decoder.last_ns is None else (now_ns - device_decoder.last_ns) / 1e6,
-            "bytes_in": counters.bytes_in,
-            "framed": counters.framed,
-            "held": counters.held,
-            "skipped": dict(counters.skipped),
-            "clocks": [
+        return DeviceHealth(
+            link=device.link,
+            driver=device.driver,
+            state=state,
+            hint=hint,
+            is_known=self._is_known,
+            messages=device_decoder.messages,
+            rate_hz=rate,
+            age_ms=None if device_decoder.last_ns is None else (now_ns - device_decoder.last_ns) / 1e6,
+            bytes_in=counters.bytes_in,
+            framed=counters.framed,
+            held=counters.held,
+            skipped=dict(counters.skipped),
+            clocks=tuple(
                 clock_status(known, used=device.use_device_time)
                 for known in self._chain.clocks_of(device_decoder.name, now_ns)
-            ],
-        }
+            ),
+        )
 
     @property
     def _is_known(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fti.latency_histogram import LatencyHistogram
+from fti.messages.health import OutputDelay
 
 PERIOD_NS = 5_000_000_000
 
@@ -13,17 +14,17 @@ class OutputLatency:
     def __init__(self, now_ns: int) -> None:
         self._current = LatencyHistogram()
         self._since_ns = now_ns
-        self._published: dict[str, float] | None = None
+        self._published: OutputDelay | None = None
 
     def add(self, stamp_ns: int, out_ns: int) -> None:
         """Add one latency.  stamp_ns : timestamp of a frame; out_ns : publication of its last output [ns]"""
         self._current.add((out_ns - stamp_ns) / 1e9)
 
-    def percentiles(self, now_ns: int) -> dict[str, float] | None:
-        """``p50_ms``, ``p99_ms``, ``max_ms`` [ms]; None without outputs, and before the end of the first period."""
+    def percentiles(self, now_ns: int) -> OutputDelay | None:
+        """None without outputs, and before the end of the first period."""
         if now_ns - self._since_ns >= PERIOD_NS:
             late = self._current.summary
-            percentiles = {"p50_ms": late.p50_ms, "p99_ms": late.p99_ms, "max_ms": late.max_ms}
+            percentiles = OutputDelay(p50_ms=late.p50_ms, p99_ms=late.p99_ms, max_ms=late.max_ms)
             self._published = percentiles if late.messages else None
             self._current, self._since_ns = LatencyHistogram(), now_ns
         return self._published

@@ -15,11 +15,22 @@ from fti.clock import SystemClock
 from fti.devices import bind_devices, parse_reference
 from fti.logger.derived_log import DerivedLog
 from fti.logger.log_layout import LogSettings
+from fti.messages.control import (
+    DeviceAnswer,
+    Hurry,
+    NavigationReport,
+    Readmit,
+    Ready,
+    Refusals,
+    TerrainLoading,
+)
 from fti.messages.frames import TICK_LINK, RawFrame
+from fti.messages.health import NavigationHealth
 from fti.messages.measurements import Ack
+from fti.messages.notes import AlarmReportRecord, GapRecord
 from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
-from fti.messages.topics import ALARM_REPORT_TOPIC, OUTPUT_MAX_AGE_MS, output_topic
-from fti.service import terrain_retry
+from fti.messages.tables import ABSENT
+from fti.messages.topics import OUTPUT_MAX_AGE_MS, output_topic
 from fti.service.control_channel import ControlChannel
 from fti.service.navigation.backlog import BacklogPolicy, SkipReporter
 from fti.service.navigation.decode_chain import Chain, ChainOutput
@@ -89,9 +100,9 @@ class NavigationProcess:
         """Process frames until the ring has ended and is empty."""
         self._derived.start()
         if self._loading:
-            self._channel.send({"terrain": terrain_retry.LOADING})
+            self._channel.send(TerrainLoading(True))
             self._loading.start()
-        self._channel.send({"ready": True})
+        self._channel.send(Ready())
         try:
             self._consume()
         finally:
@@ -147,7 +158,7 @@ class NavigationProcess:
     def _take_terrain(self) -> None:
         """Set the terrain from the next frame on, when loading has ended."""
         if self._loading and (result := self._loading.take()):
-            self._channel.send({"terrain": terrain_retry.DONE})
+            self._channel.send(TerrainLoading(False))
             self._deliver(self._chain.set_terrain(result.ground, result.fault, self._last_seq, self._last_ns))
 
     def _process_frame(self, entry: RingFrame) -> None:
@@ -170,10 +181,10 @@ class NavigationProcess:
             self._derived.measurement(device, measurement)
             if isinstance(measurement, Ack):
                 self._send_ack(device, measurement)
-        for topic, t_ns, content in products.notes:
-            self._derived.note(topic, t_ns, content)
-            if topic == ALARM_REPORT_TOPIC:
-                self._channel.send({"alarm": content}, is_kept=True)
+        for note in products.notes:
+            self._derived.note(note)
+            if isinstance(note, AlarmReportRecord):
+                self._channel.send(note, is_kept=True)
         for output in products.outputs:
             self._derived.output(output)
             self._publish(output)
@@ -185,16 +196,18 @@ class NavigationProcess:
         refusals = self._chain.refusals
         if refusals != self._refusals:
             self._refusals = refusals
-            self._channel.send({"refusals": [dataclasses.asdict(refusal) for refusal in refusals]})
+            self._channel.send(Refusals(tuple(refusals)))
 
     def _send_ack(self, device: str, ack: Ack) -> None:
         """Send the answer of a device to the supervisor, which knows the command."""
-        answer = {"command": ack.command, "accepted": ack.accepted, "detail": ack.detail}
-        self._channel.send({"ack": {"device": device, "t_ns": ack.stamp.t_rx_ns, **answer}})
+        t_ns, command = ack.stamp.t_rx_ns, ack.command
+        self._channel.send(
+            DeviceAnswer(device=device, t_ns=t_ns, command=command, accepted=ack.accepted, detail=ack.detail)
+        )
 
     def _publish(self, output: Output | Event) -> None:
         if isinstance(output, Event):
-            self._channel.send({"event": dataclasses.asdict(output)})
+            self._channel.send(output)
         else:
             max_age = OUTPUT_MAX_AGE_MS
             if isinstance(output, HeightAboveGround | HeightBelowAircraft):
@@ -204,20 +217,25 @@ class NavigationProcess:
 
     def _note_gap(self, seq: int, t_ns: int) -> None:
         """Record a gap of the ring or a restart in the file, so that reprocessing repeats it."""
-        kind = "restart" if self._resumed else "ring"
-        gap = {"t_ns": t_ns, "kind": kind, "after_seq": self._last_seq, "before_seq": seq}
+        gap = GapRecord(
+            t_ns=t_ns,
+            kind="restart" if self._resumed else "ring",
+            after_seq=self._last_seq,
+            before_seq=seq,
+            refusals=self._restored if self._resumed else ABSENT,
+        )
         self._chain.reset_after_gap()
         if self._resumed:
-            gap["refusals"] = [dataclasses.asdict(refusal) for refusal in self._restored]
             self._deliver(self._chain.restore(self._restored, t_ns))
         self._resumed = False
-        self._derived.gap(t_ns, gap)
+        self._derived.note(gap)
 
     def _handle_messages(self) -> None:
-        for message in self._channel.receive():
-            self._must_finish = self._must_finish or "hurry" in message
-            if "readmit" in message:
-                self._deliver(self._chain.readmit(message["readmit"], self._last_seq, self._last_ns))
+        for message in self._channel.receive(lambda error: self._report("control", error)):
+            if isinstance(message, Hurry):
+                self._must_finish = True
+            elif isinstance(message, Readmit):
+                self._deliver(self._chain.readmit(message.source, self._last_seq, self._last_ns))
 
     def _publish_skips(self, event: Event | None) -> None:
         if event:
@@ -231,28 +249,21 @@ class NavigationProcess:
             text = f"stopped: {fault}" if fault else "goes on"
             self._send_event("error" if fault else "warning", "derived file", text)
             self._reported_fault = fault
-        self._channel.send(
-            {
-                "health": {
-                    "devices": self._device_monitor.devices(now),
-                    "navigation": {
-                        "lag_ms": max(0.0, (now - self._last_ns) / 1e6),
-                        "output_delay": self._latency.percentiles(now),
-                        "ring_lost_frames": self._reader.lost_frames,
-                        "last_seq": self._last_seq,
-                        "terrain": self._loading.state if self._loading else None,
-                        "is_terrain_loading": bool(self._loading and not self._loading.is_done),
-                        "derived_lost": self._derived.lost,
-                        "bus_lost": self._bus.lost,
-                        "derived_fault": fault,
-                    },
-                }
-            }
+        navigation = NavigationHealth(
+            lag_ms=max(0.0, (now - self._last_ns) / 1e6),
+            output_delay=self._latency.percentiles(now),
+            ring_lost_frames=self._reader.lost_frames,
+            last_seq=self._last_seq,
+            terrain=self._loading.state if self._loading else None,
+            is_terrain_loading=bool(self._loading and not self._loading.is_done),
+            derived_lost=self._derived.lost,
+            bus_lost=self._bus.lost,
+            derived_fault=fault,
         )
+        self._channel.send(NavigationReport(self._device_monitor.devices(now), navigation))
 
     def _report(self, unit: str, error: Exception) -> None:
         self._send_event("error", unit, f"{type(error).__name__}: {error}")
 
     def _send_event(self, level: str, source: str, text: str) -> None:
-        event = {"level": level, "source": source, "text": text, "t_ns": self._clock.now_ns()}
-        self._channel.send({"event": event})
+        self._channel.send(Event(t_ns=self._clock.now_ns(), level=level, source=source, text=text))

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 
 from fti.clock import SystemClock
 from fti.logger.file_mode import set_file_mode
+from fti.messages.control import ToRecorder
 from fti.service import realtime
 from fti.service.control_channel import await_startup
 from fti.service.recorder.process import RecorderProcess
@@ -35,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
         signal.signal(number, signal.SIG_IGN)
     _ask_for_priority()
-    received = await_startup(args.control_fd)
+    received = await_startup(args.control_fd, ToRecorder)
     if received:
         channel, text, ring_fds = received
         startup = RecorderStartup.model_validate_json(text)

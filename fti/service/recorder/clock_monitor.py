@@ -6,11 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 from fti.clock import SECOND_NS, SystemClock
+from fti.messages.control import ClockStepNotice
+from fti.messages.notes import ClockRecord
+from fti.messages.tables import to_table
 from fti.messages.topics import CLOCK_TOPIC
 
 #: Topic, FTI time [ns] and content of a note.
 RecordNote = Callable[[str, int, dict[str, Any]], None]
-Send = Callable[[dict[str, Any]], object]
+Send = Callable[[ClockStepNotice], object]
 #: Level, source and text of an event.
 ReportEvent = Callable[[str, str, str], None]
 
@@ -20,9 +23,9 @@ def report_clocks(clock: SystemClock, record_note: RecordNote, report_event: Rep
 
     send : sends a message to the supervisor, which raises the alarm
     """
-    sample = clock.sample()
-    record_note(CLOCK_TOPIC, sample["t_ns"], sample)
+    sample = ClockRecord(**clock.sample())
+    record_note(CLOCK_TOPIC, sample.t_ns, to_table(sample))
     for step in clock.take_steps():
         text = f"the real-time clock was stepped by {step.size_ns / SECOND_NS:+.3f} s; FTI time is not affected"
         report_event("warning", "clock", text)
-        send({"clock_step": text})
+        send(ClockStepNotice(text))

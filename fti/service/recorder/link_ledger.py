@@ -20,6 +20,8 @@ from typing import Any
 
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.links import Link
+from fti.messages.health import LinkHealth
+from fti.messages.ledger import DroppedFrames, FrameAccount, LedgerRecord, LinkFrameAccount, RecorderStart
 from fti.service.recorder.frame_sequencer import FrameSequencer
 
 HEALTH_PERIOD_S = 0.5
@@ -82,41 +84,41 @@ class LinkLedger:
         self._units = units
         self._ticks = ticks
         self._sequencer = sequencer
-        self._recorder = {"pid": os.getpid(), "started_ns": started_ns, "first_seq": sequencer.flush()}
+        self._recorder = RecorderStart(pid=os.getpid(), started_ns=started_ns, first_seq=sequencer.flush())
 
-    def read(self, now: int, *, final: bool = False) -> dict[str, Any]:
+    def read(self, now: int, *, final: bool = False) -> LedgerRecord:
         """The present ledger.  final : the last one."""
-        return {
-            "t_ns": now,
-            "recorder": self._recorder,
-            "next_seq": self._sequencer.flush(),
-            "final": final,
-            "ticks": buffer_account(self._ticks, None),
-            "links": {unit.link.name: link_account(unit) for unit in self._units},
-        }
+        return LedgerRecord(
+            t_ns=now,
+            recorder=self._recorder,
+            next_seq=self._sequencer.flush(),
+            final=final,
+            ticks=FrameAccount(**buffer_account(self._ticks, None)),
+            links={unit.link.name: link_account(unit) for unit in self._units},
+        )
 
 
-def link_account(unit: BufferedLink) -> dict[str, Any]:
+def link_account(unit: BufferedLink) -> LinkFrameAccount:
     """Per link: received and sent frames, line errors, refused kernel timestamps."""
     status = unit.link.status
-    return {
+    return LinkFrameAccount(
         **buffer_account(unit.received, unit.outcome, status.socket_dropped),
-        "sent": buffer_account(unit.sent, unit.sent_outcome),
-        "errors": dict(status.errors),
-        "stamp_refused": status.stamp_refused,
-    }
+        sent=FrameAccount(**buffer_account(unit.sent, unit.sent_outcome)),
+        errors=dict(status.errors),
+        stamp_refused=status.stamp_refused,
+    )
 
 
 def buffer_account(buffer: TripleBuffer, outcome: SnapshotOutcome | None, socket_dropped: int = 0) -> dict[str, Any]:
-    """Account of one buffer.  Bytes dropped by the kernel are unknown: null, and not in the sum."""
+    """Fields of the account of one buffer.  Bytes dropped by the kernel are unknown: None, and not in the sum."""
     totals = outcome.copy() if outcome else SnapshotOutcome()  # read before the buffer: later frames count as held
     stats = buffer.stats
     recorded = totals.recorded if outcome else FrameCount(stats.frames_out, stats.bytes_out)
-    dropped: dict[str, dict[str, int | None]] = {
-        "socket_queue": {"frames": socket_dropped, "bytes": None},
-        "buffer_overflow": {"frames": stats.dropped_frames, "bytes": stats.dropped_bytes},
-        "snapshot_overflow": {"frames": totals.overflow.frames, "bytes": totals.overflow.bytes},
-        "not_triggered": {"frames": totals.not_triggered.frames, "bytes": totals.not_triggered.bytes},
+    dropped = {
+        "socket_queue": DroppedFrames(socket_dropped, None),
+        "buffer_overflow": DroppedFrames(stats.dropped_frames, stats.dropped_bytes),
+        "snapshot_overflow": DroppedFrames(totals.overflow.frames, totals.overflow.bytes),
+        "not_triggered": DroppedFrames(totals.not_triggered.frames, totals.not_triggered.bytes),
     }
     frames, size = stats.frames_in - recorded.frames, stats.bytes_in - recorded.bytes
     return {
@@ -124,31 +126,31 @@ def buffer_account(buffer: TripleBuffer, outcome: SnapshotOutcome | None, socket
         "in_bytes": stats.bytes_in,
         "recorded_frames": recorded.frames,
         "recorded_bytes": recorded.bytes,
-        "held_frames": frames - sum(lost["frames"] or 0 for lost in dropped.values()) + socket_dropped,
-        "held_bytes": size - sum(lost["bytes"] or 0 for lost in dropped.values()),
-        "dropped": {reason: lost for reason, lost in dropped.items() if lost["frames"]},
+        "held_frames": frames - sum(lost.frames for lost in dropped.values()) + socket_dropped,
+        "held_bytes": size - sum(lost.bytes or 0 for lost in dropped.values()),
+        "dropped": {reason: lost for reason, lost in dropped.items() if lost.frames},
     }
 
 
-def link_health(unit: BufferedLink, now: int) -> dict[str, Any]:
+def link_health(unit: BufferedLink, now: int) -> LinkHealth:
     """State, counters, rate, loads and account of a link; call it every ``HEALTH_PERIOD_S``."""
     status, stats = unit.link.status, unit.received.stats
     rate = (status.frames - unit.frames_before) / HEALTH_PERIOD_S
     unit.frames_before = status.frames
-    return {
-        "kind": unit.kind,
-        "state": status.state,
-        "hint": status.hint,
-        "frames": status.frames,
-        "bytes": status.bytes,
-        "rate_hz": rate,
-        "age_ms": None if status.last_rx_ns is None else (now - status.last_rx_ns) / 1e6,
-        "connects": status.connects,
-        "stamp_refused": status.stamp_refused,
-        "dropped_frames": stats.dropped_frames + status.socket_dropped,
-        "dropped_bytes": stats.dropped_bytes,
-        "tx_frames": status.tx_frames,
-        "echo_bytes": status.echo_bytes,
-        "load": {"receive": stats.receive, "global": stats.global_, "write": stats.write},
-        "ledger": link_account(unit),
-    }
+    return LinkHealth(
+        kind=unit.kind,
+        state=status.state,
+        hint=status.hint,
+        frames=status.frames,
+        bytes=status.bytes,
+        rate_hz=rate,
+        age_ms=None if status.last_rx_ns is None else (now - status.last_rx_ns) / 1e6,
+        connects=status.connects,
+        stamp_refused=status.stamp_refused,
+        dropped_frames=stats.dropped_frames + status.socket_dropped,
+        dropped_bytes=stats.dropped_bytes,
+        tx_frames=status.tx_frames,
+        echo_bytes=status.echo_bytes,
+        load={"receive": stats.receive, "global": stats.global_, "write": stats.write},
+        ledger=link_account(unit),
+    )

@@ -8,6 +8,8 @@ from typing import Any
 
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.frame_batch import FrameBatch, NumberedFrame, iter_frames
+from fti.messages.notes import GapRecord
+from fti.messages.tables import to_table
 from fti.messages.topics import GAP_TOPIC
 
 #: Topic, time [ns] and content of a note.
@@ -63,8 +65,8 @@ class LogSource:
     def record_gaps(self, record_note: RecordNote, *, final: bool = False) -> None:
         """Record a note for each run of dropped frames that has ended; final : also for the present one."""
         for span in self.buffer.take_drops(final=final):
-            content = {"t_ns": span.last_t_ns, "kind": "buffer_overflow", "link": self.link, **asdict(span)}
-            record_note(GAP_TOPIC, span.last_t_ns, content)
+            gap = GapRecord(t_ns=span.last_t_ns, kind="buffer_overflow", link=self.link, **asdict(span))
+            record_note(GAP_TOPIC, gap.t_ns, to_table(gap))
 
     def mark_written(self) -> None:
         """The recorded batches were written to the file."""

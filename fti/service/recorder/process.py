@@ -15,9 +15,24 @@ from fti.links import Link, add_beat_callbacks, open_link, remove_beat_callbacks
 from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
+from fti.messages.control import (
+    EventNote,
+    FileNumber,
+    Ready,
+    RecorderEnd,
+    RecorderReport,
+    SendBytes,
+    SnapshotTrigger,
+    Stop,
+    ToRecorder,
+)
 from fti.messages.frames import TICK_LINK
-from fti.messages.topics import LEDGER_TOPIC
-from fti.service.control_channel import ControlChannel, ControlMessage
+from fti.messages.health import HealthRecord
+from fti.messages.notes import AlarmRecord
+from fti.messages.outputs import Event
+from fti.messages.tables import to_table
+from fti.messages.topics import ALARM_TOPIC, EVENT_TOPIC, HEALTH_TOPIC, LEDGER_TOPIC
+from fti.service.control_channel import ControlChannel
 from fti.service.fault_guard import catch_failures, keep_running
 from fti.service.recorder.clock_monitor import report_clocks
 from fti.service.recorder.frame_sequencer import FrameSequencer
@@ -196,9 +211,9 @@ class RecorderProcess:
             now = self._clock.now_ns()
             self._notice_pause(now)
             self._report_reception(now)
-            self._channel.send({"health": self._health(now)})
+            self._channel.send(self._health(now))
             if cycle % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
-                self._writer.add_note(LEDGER_TOPIC, now, self._ledger.read(now))
+                self._writer.add_note(LEDGER_TOPIC, now, to_table(self._ledger.read(now)))
                 report_clocks(self._clock, self._writer.add_note, self._send_event, self._channel.send)
             cycle += 1
             await _until_beat(HEALTH_PERIOD_S)
@@ -220,29 +235,29 @@ class RecorderProcess:
         while not (self._writer.file or self._writer.has_failed_everywhere or self._clock.now_ns() > deadline):
             self._writer.poll_storage()
             await asyncio.sleep(FIRST_FILE_POLL_S)
-        if file := self._writer.file:
-            self._channel.send({"ready": True, "file": str(file)})
-        else:
-            self._channel.send({"ready": True, "fault": self._writer.state()[1]})
+        self._channel.send(Ready(None if self._writer.file else self._writer.state()[1]))
 
     def _on_control(self) -> None:
-        for message in self._channel.receive():
+        for message in self._channel.receive(lambda error: self._report("control", error)):
             with catch_failures("control", self._report):
                 self._handle_message(message)
         if self._channel.has_ended:
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
             self._stop.set()
 
-    def _handle_message(self, message: ControlMessage) -> None:
-        if "stop" in message:
-            self._stop.set()
-        elif "note" in message:
-            note = message["note"]
-            self._writer.add_note(note["topic"], note["t_ns"], note["content"])
-        elif "trigger" in message and self._snapshot:
-            self._snapshot.trigger(message["trigger"], message["t_ns"])
-        elif "send" in message:
-            self._sender.handle_command(message["send"])
+    def _handle_message(self, message: ToRecorder) -> None:
+        match message:
+            case Stop():
+                self._stop.set()
+            case EventNote(event, who):
+                self._writer.add_note(EVENT_TOPIC, event.t_ns, {**to_table(event), "who": who})
+            case AlarmRecord() | HealthRecord():
+                topic = ALARM_TOPIC if isinstance(message, AlarmRecord) else HEALTH_TOPIC
+                self._writer.add_note(topic, message.t_ns, to_table(message))
+            case SnapshotTrigger(text, t_ns) if self._snapshot:
+                self._snapshot.trigger(text, t_ns)
+            case SendBytes():
+                self._sender.handle_command(message)
 
     def _dropped(self) -> dict[str, Dropped]:
         """Dropped frames of each link."""
@@ -250,14 +265,13 @@ class RecorderProcess:
 
     def _send_file_number(self, number: int, confirmed: bool) -> None:
         """Report a file number; the next recorder needs it even if this one is killed before it creates the file."""
-        self._channel.send({"file_number": {"number": number, "confirmed": confirmed}})
+        self._channel.send(FileNumber(number, confirmed))
 
     def _report(self, unit: str, error: Exception) -> None:
         self._send_event("error", unit, f"{type(error).__name__}: {error}")
 
     def _send_event(self, level: str, source: str, text: str) -> None:
-        event = {"level": level, "source": source, "text": text, "t_ns": self._clock.now_ns()}
-        self._channel.send({"event": event})
+        self._channel.send(Event(t_ns=self._clock.now_ns(), level=level, source=source, text=text))
 
     # ------------------------------------------------------------------------------------------------- ending
 
@@ -275,22 +289,21 @@ class RecorderProcess:
         if self._snapshot:
             await asyncio.to_thread(self._snapshot.stop)
         now = self._clock.now_ns()
-        self._writer.add_note(LEDGER_TOPIC, now, self._ledger.read(now, final=True))
+        self._writer.add_note(LEDGER_TOPIC, now, to_table(self._ledger.read(now, final=True)))
         await asyncio.to_thread(self._writer.finish)
         self._ring.end()
-        self._channel.send({"health": self._health(now)})
-        self._channel.send({"stopped": self._describe_end(now)})
+        self._channel.send(self._health(now))
+        self._channel.send(self._describe_end(now))
 
-    def _describe_end(self, now: int) -> dict[str, Any]:
-        """See ``fti.service.supervisor.session_result``."""
+    def _describe_end(self, now: int) -> RecorderEnd:
         possibly_lost = [batch for source in self._sources for batch in source.possibly_lost]
-        return {
-            "ledger": self._ledger.read(now, final=True),
-            "ledger_recorded": self._writer.notes_recorded,
-            "fault": self._writer.fault,
-            "unsafe_frames": sum(len(frames) for _, _, frames, _ in possibly_lost),
-            "unsafe_bytes": sum(payload for *_, payload in possibly_lost),
-        }
+        return RecorderEnd(
+            ledger=self._ledger.read(now, final=True),
+            ledger_recorded=self._writer.notes_recorded,
+            fault=self._writer.fault,
+            unsafe_frames=sum(len(frames) for _, _, frames, _ in possibly_lost),
+            unsafe_bytes=sum(payload for *_, payload in possibly_lost),
+        )
 
     async def _drain(self, link: Link) -> None:
         with catch_failures(link.name, self._report):
@@ -298,14 +311,14 @@ class RecorderProcess:
 
     # ------------------------------------------------------------------------------------------------- reporting
 
-    def _health(self, now: int) -> dict[str, Any]:
-        return {
-            "t_ns": now,
-            "links": {unit.link.name: link_health(unit, now) for unit in self._units},
-            "storage": self._storage.health(),
-            "snapshot": self._snapshot.health() if self._snapshot else None,
-            "next_seq": self._sequencer.flush(),
-        }
+    def _health(self, now: int) -> RecorderReport:
+        return RecorderReport(
+            t_ns=now,
+            links={unit.link.name: link_health(unit, now) for unit in self._units},
+            storage=self._storage.health(),
+            snapshot=self._snapshot.health() if self._snapshot else None,
+            next_seq=self._sequencer.flush(),
+        )
 
 
 async def _until_beat(period_s: float) -> None:

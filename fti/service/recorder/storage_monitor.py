@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fti.buffers.triple_buffer import BufferStats
 from fti.links.base import LinkStatus
 from fti.logger.raw_log import RawLog
 from fti.logger.storage import StorageState
+from fti.messages.health import StorageHealth
 from fti.service.recorder.log_writer import LogWriter
 
 #: Level, source and text of an event.
@@ -78,15 +79,15 @@ class StorageMonitor:
         seconds = time.monotonic() - self._refused_since
         return f"after {seconds:.1f} s, in {self._writer.file}; lost: {', '.join(lost) or 'nothing'}"
 
-    def health(self) -> dict[str, Any]:
+    def health(self) -> StorageHealth:
         """File, space and state."""
         state, hint = self._writer.state()
         file = self._writer.file
-        return {
-            "file": str(file) if file else None,
-            "file_bytes": self._log.bytes_written,
-            "file_age_s": self._writer.silence_s,
-            "free_mb": self._writer.free_mb,
-            "state": state,
-            "hint": hint,
-        }
+        return StorageHealth(
+            file=str(file) if file else None,
+            file_bytes=self._log.bytes_written,
+            file_age_s=self._writer.silence_s,
+            free_mb=self._writer.free_mb,
+            state=state,
+            hint=hint,
+        )

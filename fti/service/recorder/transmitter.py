@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from fti.clock import SECOND_NS, Clock
 from fti.errors import LinkError, PartialSendError
 from fti.links import Link
-from fti.service.control_channel import ControlMessage
+from fti.messages.control import SendBytes, SendResult
 from fti.service.fault_guard import FailureHandler, keep_running
 from fti.service.startup import LinkStartup
 
@@ -21,8 +21,7 @@ class Transmitter:
     """Sends on the links of a recorder.
 
     startup_by_link : polls by link
-    send_reply : sends ``{"sent": {"id", "fault", "partly", "t_ns"}}`` exactly once for each command; partly : a part
-                 was sent, or may still be sent, despite the fault
+    send_reply : sends the result exactly once for each command
     """
 
     def __init__(
@@ -31,7 +30,7 @@ class Transmitter:
         startup_by_link: Mapping[str, LinkStartup],
         clock: Clock,
         *,
-        send_reply: Callable[[ControlMessage], object],
+        send_reply: Callable[[SendResult], object],
         report: FailureHandler,
     ) -> None:
         self._links, self._startup_by_link, self._clock = links, startup_by_link, clock
@@ -46,8 +45,8 @@ class Transmitter:
                 make = functools.partial(self._poll, self._links[name], period_s, bytes.fromhex(data))
                 self._track(asyncio.create_task(keep_running(f"poll {name}", make, self._report), name=f"poll {name}"))
 
-    def handle_command(self, request: ControlMessage) -> None:
-        """Send a command: ``{"link", "data", "id"}``, data in hexadecimal; ``until_ns``: optional deadline."""
+    def handle_command(self, request: SendBytes) -> None:
+        """Send a command."""
         if not self._stopped:
             self._track(asyncio.create_task(self._send(request), name="send"))
 
@@ -71,22 +70,19 @@ class Transmitter:
             except LinkError:
                 continue  # the state of the link shows it; the next period polls again
 
-    async def _send(self, request: ControlMessage) -> None:
+    async def _send(self, request: SendBytes) -> None:
         fault, partly = None, False
         try:
-            await self._find(request["link"]).send(bytes.fromhex(request["data"]), self._remaining_s(request))
+            await self._find(request.link).send(bytes.fromhex(request.data), self._remaining_s(request.until_ns))
         except (LinkError, ValueError) as error:
             fault, partly = str(error), isinstance(error, PartialSendError)
         except Exception as error:  # noqa: BLE001  unexpected
             self._report("send", error)
             fault, partly = f"{type(error).__name__}: {error}", True  # a part may have been sent
-        self._send_reply(
-            {"sent": {"id": request["id"], "fault": fault, "partly": partly, "t_ns": self._clock.now_ns()}}
-        )
+        self._send_reply(SendResult(request.id, fault, partly, self._clock.now_ns()))
 
-    def _remaining_s(self, request: ControlMessage) -> float:
+    def _remaining_s(self, until_ns: int | None) -> float:
         """Time left for sending [s].  Raises ValueError after the deadline."""
-        until_ns = request.get("until_ns")
         if until_ns is None:
             return COMMAND_TIMEOUT_S
         remaining_ns = until_ns - self._clock.now_ns()

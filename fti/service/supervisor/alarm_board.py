@@ -11,10 +11,11 @@ from dataclasses import replace
 from typing import Any
 
 from fti.alarms.alarm_list import AlarmList
-from fti.alarms.condition import Condition, ConditionReport, Json, Severity
+from fti.alarms.condition import Condition, ConditionReport, Severity
 from fti.bus.message import encode
 from fti.clock import SECOND_NS, Clock
-from fti.messages.topics import ALARM_TOPIC, BUS_ALARMS
+from fti.messages.notes import AlarmReportRecord
+from fti.messages.topics import BUS_ALARMS
 from fti.service.supervisor.event_publisher import Publish, RecordNote
 from fti.service.supervisor.health_conditions import SYSTEM_CONDITIONS, HealthConditions, find_losses
 
@@ -41,15 +42,15 @@ class AlarmBoard:
         self._oldest_waiting_ns = oldest_waiting_ns
         self._alarms = AlarmList()
         self._health = HealthConditions(clock.now_ns())
-        self._last: Json | None = None
+        self._last: dict[str, Any] | None = None
         self._was_in_time = self._is_late = self._is_ending = False
         self._suppressed_ns: tuple[int, int | None] | None = None  # devices are switched off from, until [ns]
 
-    def handle_report(self, report: Json) -> None:
+    def handle_report(self, report: AlarmReportRecord) -> None:
         """Handle a condition report of navigation."""
         if self._is_ending:
             return
-        found = ConditionReport.from_json(report)
+        found = ConditionReport.from_record(report)
         self._alarms.report(replace(found, condition=None) if self._is_expected(found) else found)
         self._publish_changes()
 
@@ -60,7 +61,7 @@ class AlarmBoard:
         from_ns, until_ns = self._suppressed_ns
         return report.t_ns >= from_ns and (until_ns is None or report.t_ns < until_ns)
 
-    def handle_health(self, health: Json) -> None:
+    def handle_health(self, health: dict[str, Any]) -> None:
         """Derive conditions from health, and publish the list."""
         for report in () if self._is_ending else self._health.reports(health):
             self._alarms.report(report)
@@ -141,7 +142,7 @@ class AlarmBoard:
             self.publish()
 
     def _record_changes(self) -> bool:
-        changes: list[dict[str, Any]] = self._alarms.take_changes()
+        changes = self._alarms.take_changes()
         for change in changes:
-            self._record_note(ALARM_TOPIC, change["t_ns"], change)
+            self._record_note(change)
         return bool(changes)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any
 
+from fti.messages.control import FromChild, RecorderNote, ToRecorder
 from fti.service.children import Child
-from fti.service.control_channel import ControlMessage
 from fti.service.fault_guard import FailureHandler, catch_failures
 
 WATCH_PERIOD_S = 0.02
@@ -28,7 +27,7 @@ class ChildMonitor:
         self,
         children: Sequence[Child],
         *,
-        on_message: Callable[[Child, ControlMessage], None],
+        on_message: Callable[[Child, FromChild], None],
         on_start: Callable[[Child], None],
         on_exit: Callable[[Child, int], None],
         report: FailureHandler,
@@ -63,7 +62,7 @@ class ChildMonitor:
         channel = child.channel
         if channel is None:
             return
-        for message in channel.receive():
+        for message in channel.receive(lambda error: self._report(child.name, error)):
             with catch_failures(child.name, self._report):
                 self._on_message(child, message)
         if channel.has_ended:
@@ -86,16 +85,15 @@ class RecorderOutbox:
 
     def __init__(self, recorder: Child) -> None:
         self._recorder = recorder
-        self._waiting: deque[ControlMessage] = deque(maxlen=MAX_WAITING_NOTES)
+        self._waiting: deque[RecorderNote] = deque(maxlen=MAX_WAITING_NOTES)
         self._is_paused = False
 
-    def add_note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
-        """Send a JSON message for recording.  t_ns : its FTI time"""
-        message = {"note": {"topic": topic, "t_ns": t_ns, "content": content}}
-        if self._is_paused or not self.send(message):
-            self._waiting.append(message)
+    def add_note(self, note: RecorderNote) -> None:
+        """Send a note for recording."""
+        if self._is_paused or not self.send(note):
+            self._waiting.append(note)
 
-    def send(self, message: ControlMessage) -> bool:
+    def send(self, message: ToRecorder) -> bool:
         """Send a message to the recorder now; False without a recorder."""
         channel = self._recorder.channel
         return channel is not None and channel.send(message)

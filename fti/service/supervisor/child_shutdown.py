@@ -6,8 +6,8 @@ import asyncio
 import time
 from collections.abc import Callable
 
+from fti.messages.control import ControlMessage
 from fti.service.children import Child, ProcessState
-from fti.service.control_channel import ControlMessage
 from fti.service.supervisor.event_publisher import Announce
 
 POLL_PERIOD_S = 0.02

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from fti.messages.control import DeviceAnswer
+
 DEFAULT_TIMEOUT_S, MAX_TIMEOUT_S = 3.0, 600.0
 MAX_KEY_CHARS = 100
 #: Maximum length of all texts of a request: it is stored, recorded in an event, and shown on the page.
@@ -88,7 +90,7 @@ class TrackedCommand:
     sent_ns: int | None = None
     answered_ns: int | None = None
     delay_causes: list[str] = field(default_factory=list)
-    early_answers: list[Mapping[str, Any]] = field(default_factory=list)
+    early_answers: list[DeviceAnswer] = field(default_factory=list)
     end_event: asyncio.Event = field(default_factory=asyncio.Event)
     timer: asyncio.TimerHandle | None = None
 
@@ -125,19 +127,19 @@ class TrackedCommand:
             "answered_ns": self.answered_ns,
         }
 
-    def matches_answer(self, ack: Mapping[str, Any], margin_ns: int) -> bool:
+    def matches_answer(self, ack: DeviceAnswer, margin_ns: int) -> bool:
         """The answer is from this device, names this command or none, and did not come before it was sent."""
         since = self.t_ns if self.sent_ns is None else self.sent_ns - margin_ns
-        named = ack["command"] in ("", self.command_request.command)
-        return bool(ack["device"] == self.command_request.device and named and ack["t_ns"] >= since)
+        named = ack.command in ("", self.command_request.command)
+        return ack.device == self.command_request.device and named and ack.t_ns >= since
 
-    def describe_answer(self, ack: Mapping[str, Any]) -> str:
+    def describe_answer(self, ack: DeviceAnswer) -> str:
         """A text about an answer after the timeout."""
-        verb = "acknowledged" if ack["accepted"] else "refused"
-        after = (ack["t_ns"] - (self.sent_ns or self.t_ns)) / 1e9
-        return f"{verb} after {after:.1f} s" + (f": {ack['detail']}" if ack["detail"] else "")
+        verb = "acknowledged" if ack.accepted else "refused"
+        after = (ack.t_ns - (self.sent_ns or self.t_ns)) / 1e9
+        return f"{verb} after {after:.1f} s" + (f": {ack.detail}" if ack.detail else "")
 
-    def take_early_answers(self) -> list[Mapping[str, Any]]:
+    def take_early_answers(self) -> list[DeviceAnswer]:
         """Remove and return the answers that came before the confirmation of sending."""
         answers, self.early_answers = self.early_answers, []
         return answers

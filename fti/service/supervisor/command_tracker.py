@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fti.clock import SECOND_NS, Clock
-from fti.service.control_channel import ControlMessage
+from fti.messages.control import DeviceAnswer, SendBytes, SendResult
 from fti.service.supervisor.command_catalogue import CommandCatalogue, CommandDenied
 from fti.service.supervisor.command_request import CommandRequest, CommandState, TrackedCommand, parse_request
 
@@ -55,7 +55,7 @@ class CommandTracker:
         catalogue: CommandCatalogue,
         clock: Clock,
         *,
-        send: Callable[[ControlMessage], bool],
+        send: Callable[[SendBytes], bool],
         report_event: ReportEvent,
         changed: Callable[[dict[str, Any]], None],
         delay_reason: Callable[[], str],
@@ -117,8 +117,7 @@ class CommandTracker:
 
     def _hand_over(self, request: TrackedCommand, link: str) -> None:
         until_ns = request.t_ns + round(request.command_request.timeout_s * SECOND_NS)
-        message = {"id": request.number, "link": link, "data": request.data.hex(), "until_ns": until_ns}
-        if self._send({"send": message}):
+        if self._send(SendBytes(request.number, link, request.data.hex(), until_ns)):
             self._arm(request, request.command_request.timeout_s + CONFIRMATION_MARGIN_S)
             self._changed(request.describe())
         else:
@@ -140,24 +139,24 @@ class CommandTracker:
 
     # -------------------------------------------------------------------------------------------- state changes
 
-    def on_sent(self, message: Mapping[str, Any]) -> None:
-        """Handle the confirmation of the recorder.  message : id, fault, partly, t_ns"""
-        request = self._open.get(message["id"])
+    def on_sent(self, result: SendResult) -> None:
+        """Handle the confirmation of the recorder."""
+        request = self._open.get(result.id)
         if request is None:
             return
-        if message["fault"]:
-            self._end(request, CommandState.UNKNOWN if message["partly"] else CommandState.NOT_SENT, message["fault"])
+        if result.fault:
+            self._end(request, CommandState.UNKNOWN if result.partly else CommandState.NOT_SENT, result.fault)
         elif not request.answered:
-            request.sent_ns = message["t_ns"]
+            request.sent_ns = result.t_ns
             self._end(request, CommandState.SENT, "the device does not acknowledge it")
         else:
-            request.state, request.sent_ns = CommandState.WAITING, message["t_ns"]
+            request.state, request.sent_ns = CommandState.WAITING, result.t_ns
             self._arm(request, request.command_request.timeout_s)
             self._changed(request.describe())
             self._handle_early_answers(request)
 
-    def on_ack(self, ack: Mapping[str, Any]) -> None:
-        """Handle an answer of a device.  ack : device, command ("" if unknown), accepted, detail, t_ns"""
+    def on_ack(self, ack: DeviceAnswer) -> None:
+        """Handle an answer of a device."""
         candidates = [r for r in self._open.values() if r.answered and r.matches_answer(ack, MARGIN_NS)]
         waiting = [request for request in candidates if request.state is CommandState.WAITING]
         if waiting:
@@ -169,23 +168,23 @@ class CommandTracker:
         else:
             self._report_unexpected(ack)
 
-    def _report_unexpected(self, ack: Mapping[str, Any]) -> None:
+    def _report_unexpected(self, ack: DeviceAnswer) -> None:
         """Report an answer that no open command waits for."""
         late = next((r for r in self._recently_abandoned() if r.matches_answer(ack, MARGIN_NS)), None)
         if late:
             self._abandoned.remove(late)
             self._report_event("warning", f"{late.title()}: late answer: {late.describe_answer(ack)}")
-        elif not (ack["accepted"] and self.catalogue.is_polled(ack["device"])):
+        elif not (ack.accepted and self.catalogue.is_polled(ack.device)):
             self._unexpected.report(ack)
 
-    def _settle(self, request: TrackedCommand, ack: Mapping[str, Any]) -> None:
-        request.answered_ns = ack["t_ns"]
-        detail = str(ack["detail"])
+    def _settle(self, request: TrackedCommand, ack: DeviceAnswer) -> None:
+        request.answered_ns = ack.t_ns
+        detail = ack.detail
         uncertain = [r.number for r in self._recently_abandoned() if r.matches_answer(ack, MARGIN_NS)]
         if uncertain:
             remark = f"it may be the late answer to {uncertain[0]}"
             detail = f"{detail}; {remark}" if detail else remark
-        self._end(request, CommandState.ACKNOWLEDGED if ack["accepted"] else CommandState.REFUSED, detail)
+        self._end(request, CommandState.ACKNOWLEDGED if ack.accepted else CommandState.REFUSED, detail)
 
     def _recently_abandoned(self) -> list[TrackedCommand]:
         now = self._clock.now_ns()
@@ -246,16 +245,16 @@ class UnexpectedAnswers:
         self._reported_ns: deque[int] = deque(maxlen=MAX_UNEXPECTED)
         self._suppressed = 0
 
-    def report(self, ack: Mapping[str, Any]) -> None:
+    def report(self, ack: DeviceAnswer) -> None:
         """Publish an event, unless there were too many; suppressed ones are counted in the next event."""
         now = self._clock.now_ns()
         if len(self._reported_ns) == MAX_UNEXPECTED and now - self._reported_ns[0] < UNEXPECTED_PERIOD_NS:
             self._suppressed += 1
             return
         self._reported_ns.append(now)
-        verb = "acknowledged" if ack["accepted"] else "refused"
-        what = f"{ack['device']}: {verb} {ack['command'] or 'an unnamed command'}"
-        detail = f" ({ack['detail']})" if ack["detail"] else ""
+        verb = "acknowledged" if ack.accepted else "refused"
+        what = f"{ack.device}: {verb} {ack.command or 'an unnamed command'}"
+        detail = f" ({ack.detail})" if ack.detail else ""
         suppressed = f"; {self._suppressed} earlier answers were not reported" if self._suppressed else ""
         self._suppressed = 0
-        self._report_event("info" if ack["accepted"] else "warning", f"{what}{detail}: unexpected answer{suppressed}")
+        self._report_event("info" if ack.accepted else "warning", f"{what}{detail}: unexpected answer{suppressed}")

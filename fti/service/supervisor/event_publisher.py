@@ -7,14 +7,18 @@ from typing import Any
 
 from fti.bus.message import encode, encode_event
 from fti.clock import Clock
-from fti.messages.topics import BUS_HEALTH, EVENT_TOPIC, HEALTH_TOPIC
+from fti.messages.control import EventNote, RecorderNote
+from fti.messages.health import HealthRecord
+from fti.messages.outputs import Event
+from fti.messages.tables import from_table, to_table
+from fti.messages.topics import BUS_EVENT, BUS_HEALTH
 from fti.service.supervisor.link_events import LinkEvents
 
 Announce = Callable[[str], None]
 #: Publishes a message on the bus: topic, payload.
 Publish = Callable[[str, bytes], None]
-#: Records a JSON message: topic, FTI time [ns], content.
-RecordNote = Callable[[str, int, dict[str, Any]], None]
+#: Records a note.
+RecordNote = Callable[[RecorderNote], None]
 
 
 class EventPublisher:
@@ -29,14 +33,14 @@ class EventPublisher:
 
     def publish_event(self, level: str, source: str, text: str) -> None:
         """Publish an event of now.  level : info, warning or error"""
-        self.forward_event({"t_ns": self._clock.now_ns(), "level": level, "source": source, "text": text})
+        self.forward_event(Event(t_ns=self._clock.now_ns(), level=level, source=source, text=text))
 
-    def forward_event(self, event: dict[str, Any], who: str = "") -> None:
+    def forward_event(self, event: Event, who: str = "") -> None:
         """Publish an event of this process or of a child.  who : the user who caused it, if known; recorded"""
-        if event["level"] != "info":
-            self._announce(f"{event['level']}: {event['source']}: {event['text']}")
-        self._publish("/event", encode_event(event))
-        self._record_note(EVENT_TOPIC, event["t_ns"], {**event, "who": who} if who else event)
+        if event.level != "info":
+            self._announce(f"{event.level}: {event.source}: {event.text}")
+        self._publish(BUS_EVENT, encode_event(to_table(event)))
+        self._record_note(EventNote(event, who))
 
     def report(self, unit: str, error: Exception) -> None:
         """Publish the failure of a guarded unit."""
@@ -46,6 +50,6 @@ class EventPublisher:
         """Publish health, and record it if record is set; publish the link events."""
         self._publish(BUS_HEALTH, encode(health))
         if record:
-            self._record_note(HEALTH_TOPIC, health["t_ns"], health)
+            self._record_note(from_table(HealthRecord, health))
         for level, source, text in self._links.update(health["links"], health["t_ns"]):
             self.publish_event(level, source, text)

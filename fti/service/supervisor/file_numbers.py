@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from fti.messages.control import FileNumber
 
 
 class FileNumbers:
@@ -13,9 +12,9 @@ class FileNumbers:
         self._taken: set[int] = set()
         self._confirmed: set[int] = set()
 
-    def handle_report(self, report: Mapping[str, Any]) -> None:
-        """Handle a report of a recorder: ``number``, and ``confirmed`` when its file was written."""
-        (self._confirmed if report["confirmed"] else self._taken).add(report["number"])
+    def handle_report(self, report: FileNumber) -> None:
+        """Handle a report of a recorder."""
+        (self._confirmed if report.confirmed else self._taken).add(report.number)
 
     @property
     def next(self) -> int:

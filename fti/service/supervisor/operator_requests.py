@@ -7,8 +7,22 @@ from typing import Any
 
 from fti.clock import Clock
 from fti.config import Config, position_sources
+from fti.messages.control import (
+    CommandProgress,
+    DeviceCommands,
+    FromPage,
+    PageAcknowledgement,
+    PageCommand,
+    PageMark,
+    Readmit,
+    SnapshotTrigger,
+    ToDisplay,
+    ToNavigation,
+    UsableDevices,
+)
 from fti.messages.frames import ALL_SOURCES
-from fti.service.control_channel import ControlMessage
+from fti.messages.outputs import Event
+from fti.messages.tables import from_table, to_table
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.child_monitor import RecorderOutbox
 from fti.service.supervisor.command_tracker import CommandTracker
@@ -31,8 +45,8 @@ class OperatorRequests:
         command_tracker: CommandTracker,
         outbox: RecorderOutbox,
         event_publisher: EventPublisher,
-        send_to_display: Callable[[ControlMessage], None],
-        send_to_navigation: Callable[[ControlMessage], bool],
+        send_to_display: Callable[[ToDisplay], None],
+        send_to_navigation: Callable[[ToNavigation], bool],
         alarms: AlarmBoard,
     ) -> None:
         self._config, self._clock = config, clock
@@ -50,21 +64,26 @@ class OperatorRequests:
             return self._readmit(command["readmit"], who)
         if "acknowledge" in command:
             return self._acknowledge(command["acknowledge"], who)
-        return self._mark(command, who)
+        return self._mark(command.get("mark"), who, is_trigger=bool(command.get("trigger")))
 
-    def on_page_message(self, message: ControlMessage) -> None:
-        """Execute a request of the display process; after its start, send it catalogue and recent commands."""
-        if "ready" in message:
-            self._send_to_display({"catalogue": self._command_tracker.catalogue.usable()})
-            for command in self._command_tracker.recent():
-                self._send_to_display({"command": command})
-        who = f"the page (the owner's key, {message.get('who')})"
-        if "mark" in message and (fault := self._mark(message, who).get("fault")):
-            self._event_publisher.publish_event("warning", "mark", fault)
-        if "send" in message:
-            self._command_tracker.begin(message["send"], who)
-        if "acknowledge" in message:
-            self._acknowledge(message["acknowledge"], who)
+    def send_commands_to_display(self) -> None:
+        """After the start of the display process, send it catalogue and recent commands."""
+        devices = self._command_tracker.catalogue.usable()
+        self._send_to_display(UsableDevices(tuple(from_table(DeviceCommands, device) for device in devices)))
+        for command in self._command_tracker.recent():
+            self._send_to_display(from_table(CommandProgress, command))
+
+    def on_page_message(self, message: FromPage) -> None:
+        """Execute a request of the display process."""
+        who = f"the page (the owner's key, {message.who})"
+        match message:
+            case PageMark():
+                if fault := self._mark(message.text, who, is_trigger=message.is_trigger).get("fault"):
+                    self._event_publisher.publish_event("warning", "mark", fault)
+            case PageCommand():
+                self._command_tracker.begin(to_table(message), who)
+            case PageAcknowledgement():
+                self._acknowledge(message.alarm_id, who)
 
     def _acknowledge(self, alarm_id: Any, who: str) -> Answer:
         """Acknowledge one alarm with its consequences, or all (None)."""
@@ -77,29 +96,29 @@ class OperatorRequests:
         sources = position_sources(self._config.nav)
         if source not in (ALL_SOURCES, *sources):
             return {"fault": f"{source!r} is not a position source; configured: {', '.join(sources) or 'none'}"}
-        if not self._send_to_navigation({"readmit": source}):
+        if not self._send_to_navigation(Readmit(source)):
             return {"fault": "navigation is restarting; repeat the command when it runs"}
         now = self._clock.now_ns()
         if source == ALL_SOURCES:
             self._alarms.start_new_flight(who)
         text = "all sources; navigation is reset" if source == ALL_SOURCES else str(source)
-        self._event_publisher.forward_event({"t_ns": now, "level": "info", "source": "readmit", "text": text}, who)
+        self._event_publisher.forward_event(Event(t_ns=now, level="info", source="readmit", text=text), who)
         return {"t_ns": now}
 
-    def _mark(self, command: dict[str, Any], who: str) -> Answer:
-        text, now = command.get("mark"), self._clock.now_ns()
+    def _mark(self, text: Any, who: str, *, is_trigger: bool) -> Answer:
+        now = self._clock.now_ns()
         if not isinstance(text, str):
             return {"fault": "unknown command"}
-        if command.get("trigger") and (fault := self._trigger(text, now)):
+        if is_trigger and (fault := self._trigger(text, now)):
             return {"fault": fault}
-        source = "trigger" if command.get("trigger") else "mark"
-        self._event_publisher.forward_event({"t_ns": now, "level": "info", "source": source, "text": text}, who)
+        source = "trigger" if is_trigger else "mark"
+        self._event_publisher.forward_event(Event(t_ns=now, level="info", source=source, text=text), who)
         return {"t_ns": now}
 
     def _trigger(self, text: str, t_ns: int) -> str | None:
         """Trigger the snapshot; returns the fault, or None."""
         if self._config.snapshot is None:
             return f"{self._config.path} has no [snapshot] table; a trigger needs one"
-        if not self._outbox.send({"trigger": text, "t_ns": t_ns}):
+        if not self._outbox.send(SnapshotTrigger(text, t_ns)):
             return "the recorder is restarting; the snapshot memory is empty"
         return None

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,35 @@ from fti.bus.hub import Hub
 from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
+from fti.messages.control import (
+    ClockStepNotice,
+    CommandProgress,
+    DeviceAnswer,
+    FileNumber,
+    FromChild,
+    NavigationReport,
+    PageAcknowledgement,
+    PageCommand,
+    PageFault,
+    PageKey,
+    PageMark,
+    PagePort,
+    Ready,
+    RecorderEnd,
+    RecorderReport,
+    Refusals,
+    SendResult,
+    TerrainLoading,
+    ToDisplay,
+    ToNavigation,
+)
 from fti.messages.frames import ALL_SOURCES
+from fti.messages.notes import AlarmReportRecord
+from fti.messages.outputs import Event
 from fti.messages.refusals import CarriedRefusal
-from fti.messages.tables import from_table
+from fti.messages.tables import from_table, to_table
 from fti.service import control_channel
 from fti.service.children import Child, ProcessState
-from fti.service.control_channel import ControlMessage
 from fti.service.fault_guard import catch_failures
 from fti.service.supervisor import child_shutdown
 from fti.service.supervisor.alarm_board import NO_FRAME_TAKEN, AlarmBoard
@@ -93,6 +117,7 @@ class Supervisor:
         self._ring = Ring.create(ring_size(config.link))
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
+        self._recorder_report: RecorderReport | None = None
         self._outbox = RecorderOutbox(recorder)
         self._file_numbers = FileNumbers()
         self._result = SessionResult()
@@ -119,6 +144,7 @@ class Supervisor:
             on_exit=self._on_exit,
             report=self._event_publisher.report,
         )
+        self._handlers = self._make_handlers()
         self._watchdog = self._make_watchdog(recorder)
         self._shutdown = SessionShutdown(
             self._children, self._child_monitor, self._ring, self._session_storage, announce
@@ -141,7 +167,7 @@ class Supervisor:
             self._clock,
             send=self._outbox.send,
             report_event=lambda level, text: self._event_publisher.publish_event(level, "command", text),
-            changed=lambda command: self._send_to_display({"command": command}),
+            changed=lambda command: self._send_to_display(from_table(CommandProgress, command)),
             delay_reason=self._board.answer_delay_reason,
         )
 
@@ -250,7 +276,7 @@ class Supervisor:
         if child.name == RECORDER:
             self._outbox.resume()
         elif child.name == DISPLAY:
-            self._send_to_display({"key": self._page.key})
+            self._send_to_display(PageKey(self._page.key))
 
     def _on_exit(self, child: Child, code: int) -> None:
         if self._child_monitor.stopping:
@@ -259,7 +285,7 @@ class Supervisor:
             self._command_tracker.on_child_ended(child.name)
         if child.name == RECORDER:
             self._alarms.on_recorder_replaced(child_shutdown.describe_restart(child, code))
-            self._result.add_killed_recorder(self._board.recorder)
+            self._result.add_killed_recorder(self._recorder_report)
             numbers = self._file_numbers
             child.startup = self._validated_config.recorder_startup(
                 self._session_storage.all, numbers.next, numbers.skipped_numbers
@@ -277,52 +303,61 @@ class Supervisor:
             self.failed = True  # a recorder that cannot start is the only failure without retry
             self.stop()
 
-    def _on_message(self, child: Child, message: ControlMessage) -> None:
-        if "file_number" in message:
-            self._file_numbers.handle_report(message["file_number"])
-        if "ready" in message:
-            self._on_ready(child, message.get("fault"))
-        if "health" in message and child.name == RECORDER:
-            self._board.recorder = message["health"]
-        elif "health" in message:
-            self._board.navigation = message["health"]
-        self._terrain_retry.on_message(message)
-        if "refusals" in message:
-            self._refusals = tuple(from_table(CarriedRefusal, row) for row in message["refusals"])
-        if "port" in message:
-            self._page.on_port(message["port"])
-            self._announce(self._page.announcement)
-            self._publish_info()
-            self.display_ready.set()
-        if child.name == DISPLAY and "fault" in message:
-            self._event_publisher.publish_event("error", DISPLAY, str(message["fault"]))
-        self._on_event_message(message)
-        if "sent" in message:
-            self._command_tracker.on_sent(message["sent"])
-        if "ack" in message:
-            self._command_tracker.on_ack(message["ack"])
-        if child.name == DISPLAY:
-            self._operator_requests.on_page_message(message)
-        if "stopped" in message:
-            self._result.handle_report(message["stopped"])
-            self._shutdown.recorded.set()
+    def _make_handlers(self) -> dict[type, Callable[[Any], object]]:
+        """What is done with each message of a child; ``Ready`` is handled by ``_on_message``."""
+        requests, tracker = self._operator_requests, self._command_tracker
+        return {
+            FileNumber: self._file_numbers.handle_report,
+            RecorderReport: self._on_recorder_report,
+            NavigationReport: self._on_navigation_report,
+            ClockStepNotice: self._on_clock_step,
+            SendResult: tracker.on_sent,
+            DeviceAnswer: tracker.on_ack,
+            RecorderEnd: self._on_recorder_end,
+            Event: self._event_publisher.forward_event,
+            TerrainLoading: self._terrain_retry.on_loading,
+            Refusals: self._on_refusals,
+            AlarmReportRecord: self._alarms.handle_report,
+            PagePort: self._on_page_port,
+            PageFault: lambda message: self._event_publisher.publish_event("error", DISPLAY, message.text),
+            **dict.fromkeys((PageMark, PageCommand, PageAcknowledgement), requests.on_page_message),
+        }
 
-    def _on_event_message(self, message: ControlMessage) -> None:
-        """Handle events and alarm reports."""
-        if "event" in message:
-            self._event_publisher.forward_event(message["event"])
-        if "alarm" in message:
-            self._alarms.handle_report(message["alarm"])
-        if "clock_step" in message:
-            text = message["clock_step"]
-            self._alarms.record(Condition("clock_step", Severity.CAUTION, "COMPUTER CLOCK STEPPED", text))
+    def _on_message(self, child: Child, message: FromChild) -> None:
+        if isinstance(message, Ready | PagePort):
+            self._on_ready(child, message.fault if isinstance(message, Ready) else None)
+        if handle := self._handlers.get(type(message)):
+            handle(message)
 
-    def _send_to_display(self, message: ControlMessage) -> None:
+    def _on_recorder_report(self, report: RecorderReport) -> None:
+        self._recorder_report, self._board.recorder = report, to_table(report)
+
+    def _on_navigation_report(self, report: NavigationReport) -> None:
+        self._board.navigation = to_table(report)
+
+    def _on_clock_step(self, notice: ClockStepNotice) -> None:
+        self._alarms.record(Condition("clock_step", Severity.CAUTION, "COMPUTER CLOCK STEPPED", notice.text))
+
+    def _on_recorder_end(self, end: RecorderEnd) -> None:
+        self._result.handle_report(end)
+        self._shutdown.recorded.set()
+
+    def _on_refusals(self, message: Refusals) -> None:
+        self._refusals = message.refusals
+
+    def _on_page_port(self, message: PagePort) -> None:
+        self._page.on_port(message.port)
+        self._announce(self._page.announcement)
+        self._publish_info()
+        self.display_ready.set()
+        self._operator_requests.send_commands_to_display()
+
+    def _send_to_display(self, message: ToDisplay) -> None:
         display = self._child(DISPLAY)
         if display and display.channel:
             display.channel.send(message)
 
-    def _send_to_navigation(self, message: ControlMessage) -> bool:
+    def _send_to_navigation(self, message: ToNavigation) -> bool:
         navigation = self._child(NAVIGATION)
         return bool(navigation and navigation.channel and navigation.channel.send(message))
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from fti.logger.storage import NOT_RECORDING
+from fti.messages.control import RecorderEnd, RecorderReport
+from fti.messages.ledger import DroppedFrames, FrameAccount, LedgerRecord, LinkFrameAccount
+from fti.messages.tables import to_table
 
 #: Reasons of dropped frames for which the storage is responsible; see ``fti.service.recorder.link_ledger``.
 STORAGE_REASONS = ("buffer_overflow", "snapshot_overflow")
-Account = Mapping[str, Any]
 
 
 @dataclass(slots=True)
@@ -24,13 +25,13 @@ class _Count:
     lost: int = 0
     lost_bytes: int = 0
 
-    def add(self, account: Account, *, held_is_lost: bool) -> None:
-        self.total += account["in_frames"]
-        parts = [account["dropped"].get(reason, {"frames": 0, "bytes": 0}) for reason in STORAGE_REASONS]
+    def add(self, account: FrameAccount, *, held_is_lost: bool) -> None:
+        self.total += account.in_frames
+        parts = [account.dropped[reason] for reason in STORAGE_REASONS if reason in account.dropped]
         if held_is_lost:
-            parts.append({"frames": account["held_frames"], "bytes": account["held_bytes"]})
-        self.lost += sum(part["frames"] for part in parts)
-        self.lost_bytes += sum(part["bytes"] for part in parts)
+            parts.append(DroppedFrames(account.held_frames, account.held_bytes))
+        self.lost += sum(part.frames for part in parts)
+        self.lost_bytes += sum(part.bytes or 0 for part in parts)
 
 
 class SessionResult:
@@ -41,39 +42,35 @@ class SessionResult:
         self._ticks = _Count()
         self._fault = ""
         self._finished = False
-        self._counted: Mapping[str, Any] | None = None
-        self.unrecorded_ledger: Mapping[str, Any] | None = None
+        self._counted: RecorderReport | None = None
+        self.unrecorded_ledger: LedgerRecord | None = None
 
-    def add_killed_recorder(self, health: Mapping[str, Any]) -> None:
-        """Count the losses of a recorder that died.  health : its last report; counted once
+    def add_killed_recorder(self, health: RecorderReport | None) -> None:
+        """Count the losses of a recorder that died.  health : its last report, if there is one; counted once
 
         Held frames are counted only if no storage target worked; otherwise they may be in the file.
         """
-        if health is self._counted:
+        if health is None or health is self._counted:
             return
         self._counted = health
-        refused = health.get("storage", {}).get("state") in NOT_RECORDING
-        self._add_links((link["ledger"] for link in health.get("links", {}).values()), held_is_lost=refused)
+        refused = health.storage.state in NOT_RECORDING
+        self._add_links((link.ledger for link in health.links.values() if link.ledger), held_is_lost=refused)
 
-    def handle_report(self, report: Mapping[str, Any]) -> None:
-        """Handle the last report of the recorder that has stopped.
-
-        ledger : the last ledger; ledger_recorded : it is in a file; fault : why a file could not be closed, or None
-        unsafe_frames, unsafe_bytes : written to a medium that failed afterwards, and nowhere else
-        """
+    def handle_report(self, report: RecorderEnd) -> None:
+        """Handle the last report of the recorder that has stopped."""
         self._finished = True
-        ledger = report["ledger"]
-        self._add_links(ledger["links"].values(), held_is_lost=True)
-        self._frames.lost += report["unsafe_frames"]
-        self._frames.lost_bytes += report["unsafe_bytes"]
-        self._ticks.add(ledger["ticks"], held_is_lost=True)
-        self._fault = report["fault"] or ""
-        self.unrecorded_ledger = None if report["ledger_recorded"] else ledger
+        ledger = report.ledger
+        self._add_links(ledger.links.values(), held_is_lost=True)
+        self._frames.lost += report.unsafe_frames
+        self._frames.lost_bytes += report.unsafe_bytes
+        self._ticks.add(ledger.ticks, held_is_lost=True)
+        self._fault = report.fault or ""
+        self.unrecorded_ledger = None if report.ledger_recorded else ledger
 
-    def _add_links(self, accounts: Iterable[Account], *, held_is_lost: bool) -> None:
+    def _add_links(self, accounts: Iterable[LinkFrameAccount], *, held_is_lost: bool) -> None:
         for account in accounts:
             self._frames.add(account, held_is_lost=held_is_lost)
-            self._frames.add(account["sent"], held_is_lost=held_is_lost)
+            self._frames.add(account.sent, held_is_lost=held_is_lost)
 
     def describe_loss(self, folder: Path) -> str | None:
         """A sentence about the missing data; None when everything was recorded."""
@@ -92,9 +89,9 @@ class SessionResult:
         return None
 
 
-def save_ledger(ledger: Mapping[str, Any], session: str, run_dir: Path) -> str:
+def save_ledger(ledger: LedgerRecord, session: str, run_dir: Path) -> str:
     """Save a ledger that no storage target accepted: in the run directory, otherwise in the returned text."""
-    text = json.dumps(ledger, separators=(",", ":"))
+    text = json.dumps(to_table(ledger), separators=(",", ":"))
     path = run_dir / f"{session}_ledger.json"
     try:
         fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from fti.buffers.ring import Ring
+from fti.messages.control import ControlMessage, Hurry, Stop
 from fti.service.children import Child, ProcessState
-from fti.service.control_channel import ControlMessage
 from fti.service.fault_guard import catch_failures
 from fti.service.supervisor import child_shutdown
 from fti.service.supervisor.child_monitor import ChildMonitor
@@ -49,16 +49,16 @@ class SessionShutdown:
         self._child_monitor.stopping = True
         recorder, navigation, *display = self._children
         await self._end_recorder(recorder)
-        await self._end_child(navigation, {"hurry": True}, NAVIGATION_END_S)
+        await self._end_child(navigation, Hurry(), NAVIGATION_END_S)
         for child in display:
             if child.channel:
-                child.channel.send({"stop": True})
-            await self._end_child(child, {"stop": True}, DISPLAY_END_S)
+                child.channel.send(Stop())
+            await self._end_child(child, Stop(), DISPLAY_END_S)
 
     async def _end_recorder(self, recorder: Child) -> None:
         """End the recorder without a timeout: its buffers must be written."""
         if recorder.channel:
-            recorder.channel.send({"stop": True})
+            recorder.channel.send(Stop())
         code = await child_shutdown.await_recorder(recorder, self.recorded, self._announce)
         self._child_monitor.drain_messages(recorder)
         if code:

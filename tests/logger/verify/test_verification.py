@@ -157,7 +157,7 @@ def test_a_single_file_is_proved_as_far_as_it_goes(folder: SessionFolder) -> Non
 def test_what_navigation_lost_is_reported(folder: SessionFolder) -> None:
     make(folder)
     log = DerivedLog(folder, LogSettings(split_s=300, split_mb=100))
-    log.write_gap(STARTED, "17 frames were overwritten")
+    log.write_table("/fti/gap", STARTED, {"t_ns": STARTED, "text": "17 frames were overwritten"})
     log.close()
     report = proved(folder)
     assert report.holds
@@ -639,7 +639,7 @@ def test_a_session_without_its_raw_files_is_not_whole(folder: SessionFolder) -> 
     """What navigation made again from other files is."""
     for metadata, verdict in (({}, CheckVerdict.LOSS), ({"fti": {"reprocessed": "true"}}, CheckVerdict.OK)):
         log = DerivedLog(folder, LogSettings(split_s=2, split_mb=100, metadata=metadata))
-        log.write_gap(STARTED, "late")
+        log.write_table("/fti/gap", STARTED, {"t_ns": STARTED, "text": "late"})
         log.close()
         report = proved(folder)
         assert report.verdict is verdict, report.findings
@@ -649,7 +649,7 @@ def test_a_session_without_its_raw_files_is_not_whole(folder: SessionFolder) -> 
 def test_missing_derived_files_are_named_without_raw_ones_too(folder: SessionFolder) -> None:
     for _ in range(3):
         log = DerivedLog(folder, LogSettings(split_s=2, split_mb=100))
-        log.write_gap(STARTED, "late")
+        log.write_table("/fti/gap", STARTED, {"t_ns": STARTED, "text": "late"})
         log.close()
     folder.files("derived")[1].unlink()
     assert "derived files 1 are missing" in proved(folder).findings

@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from fti.config import Snapshot
 from fti.errors import StorageError
@@ -23,6 +22,7 @@ from fti.frame_batch import NumberedFrame
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
 from fti.logger.storage_target import MEGABYTE
+from fti.messages.health import SnapshotHealth
 from fti.service.fault_guard import FailureHandler, catch_failures
 from fti.service.realtime import step_below_reader
 from fti.service.recorder.link_ledger import SnapshotOutcome
@@ -115,14 +115,14 @@ class SnapshotSink:
             self._writer.give_up()
         self._memory.clear()
 
-    def health(self) -> dict[str, Any]:
+    def health(self) -> SnapshotHealth:
         """State (waiting or writing), content of the memory, last file."""
-        return {
-            "state": "waiting" if self._writer is None else "writing",
-            "held_s": self._memory.held_ns / SECOND_NS,
-            "held_mb": self._memory.held_bytes / MEGABYTE,
-            "file": str(self._file) if self._file else None,
-        }
+        return SnapshotHealth(
+            state="waiting" if self._writer is None else "writing",
+            held_s=self._memory.held_ns / SECOND_NS,
+            held_mb=self._memory.held_bytes / MEGABYTE,
+            file=str(self._file) if self._file else None,
+        )
 
     def report_overflow(self) -> None:
         """Report once that the memory is too small for the configured time."""

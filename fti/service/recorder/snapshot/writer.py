@@ -10,6 +10,7 @@ from fti.frame_batch import NumberedFrame, single_frame_batch
 from fti.logger.log_segment import LogSegment
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
+from fti.messages.outputs import Event
 from fti.messages.topics import EVENT_TOPIC
 from fti.service.recorder.snapshot.frame_memory import FrameBlock, FrameMemory
 
@@ -116,7 +117,7 @@ class SnapshotWriter:
         assert segment
         if not self._buffered:
             for t_ns, text in texts:
-                event = {"t_ns": t_ns, "level": "info", "source": "trigger", "text": text}
+                event = Event(t_ns=t_ns, level="info", source="trigger", text=text)
                 self._log.write_json(EVENT_TOPIC, t_ns, event)
             slices = self._slice.items()
             self._log.write_batches(
