@@ -160,9 +160,12 @@ def test_nothing_is_overwritten_and_other_names_are_refused(
 ) -> None:
     (tmp_path / "base.csv").write_text("mine")
     (tmp_path / "page.html").write_text("mine")
-    for arguments in (("--out", "base.csv"), ("--plot", "page.html"), ("--out", "base.txt")):
-        assert main(["sync", str(session), arguments[0], str(tmp_path / arguments[1])]) == 2
-        assert arguments[1] in capsys.readouterr().err
+    for name in ("base.csv", "base.txt"):
+        assert main(["sync", str(session), "--out", str(tmp_path / name)]) == 2
+        assert name in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["sync", str(session), "--plot", str(tmp_path / "page.html")])
+    assert "page.html: already exists" in capsys.readouterr().err
     assert (tmp_path / "base.csv").read_text() == (tmp_path / "page.html").read_text() == "mine"
 
 

@@ -228,11 +228,8 @@ _STOPPED = "reading stops"
 
 def _fault(at: int, error: Exception) -> str:
     """The fault of a file that is damaged or exceeds a limit."""
-    return (
-        f"{_STOPPED} after byte {at}: {error}"
-        if isinstance(error, LimitError)
-        else f"is damaged after byte {at}: {error}"
-    )
+    why = "a field is longer than its record" if isinstance(error, struct.error) else error
+    return f"{_STOPPED if isinstance(error, LimitError) else 'is damaged'} after byte {at}: {why}"
 
 
 def has_footer(path: Path) -> bool:
