@@ -63,7 +63,7 @@ class ZenohProcess:
         command = [sys.executable, "-m", "fti.service.zenoh", *where, "--control-fd", str(theirs.fileno())]
         self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()])
         theirs.close()
-        assert b"ready" in self.control.recv(1000)
+        assert b"Ready" in self.control.recv(1000)
 
     def close(self) -> None:
         """For a child, the end of the channel is the end."""
