@@ -28,6 +28,11 @@ def _last_chunk(session: OpenSession) -> Record:
     return session.parsed.of(CHUNK)[-1]
 
 
+def _checkpoint_sizes(session: OpenSession, slots: Record) -> list[int]:
+    """Proved bytes of the chunk behind, at each checkpoint; 0: none yet."""
+    return [int.from_bytes(session.data[at : at + 8], "little") for at in range(slots.begin + 9, slots.end, 16)]
+
+
 def test_a_copy_of_a_closed_file_says_what_of_it_is_unproved(killed: OpenSession, tmp_path: Path) -> None:
     """Closing gives the chunk a checksum that holds; the copy does not take it for a proof."""
     cut = killed.parsed.messages[-3].begin
@@ -72,11 +77,9 @@ def test_a_finished_chunk_without_its_message_index_is_refuted(killed: OpenSessi
 
 def test_a_file_cut_off_at_a_sync_is_not_refuted_when_it_is_closed(killed: OpenSession, tmp_path: Path) -> None:
     """All that is left of it is proved, and the checkpoints tell of more: a loss."""
-    chunk = killed.parsed.of(CHUNK)[-2]
-    slots = killed.parsed.of(CHECKPOINTS)[-2]
-    assert slots.end == chunk.begin
-    sizes = [int.from_bytes(killed.data[at : at + 8], "little") for at in range(slots.begin + 9, slots.end, 16)]
-    assert sizes[1] > sizes[0] > 0
+    chunks = {chunk.begin: chunk for chunk in killed.parsed.of(CHUNK)}
+    checkpoints = [(chunks[slots.end], _checkpoint_sizes(killed, slots)) for slots in killed.parsed.of(CHECKPOINTS)]
+    chunk, sizes = next((c, sizes) for c, sizes in reversed(checkpoints) if 0 < sizes[0] < sizes[1])
     folder = killed.put(tmp_path, killed.data[: chunk.begin + CHUNK_HEAD_BYTES + sizes[0]])
     (closed,) = close_all(tmp_path)
     assert closed.unproved == 0
