@@ -1,7 +1,7 @@
 """Compress session files, or restore the originals.
 
 Rewrites each finished file with zstd chunks, index and summary, reads it back, and replaces the original only after
-the restored bytes are proved equal to it.  Every command, and every MCAP reader, reads packed files.  --undo restores
+the restored bytes are verified equal to it.  Every command, and every MCAP reader, reads packed files.  --undo restores
 the originals: the same bytes, checked by SHA-256.  Use it after landing.
 
 Files that are unfinished, damaged or being written are left unchanged, and so are all files when the disk is full or

@@ -5,7 +5,7 @@ finished files into a new folder (default: SESSION_recovered beside SESSION).  T
 a wrong checksum are left out, so that no message is invented.  If flipping one bit makes the checksum correct, that bit
 is flipped and reported.  Messages without a valid checksum (of such records, or after the last flush of an unfinished
 file) are copied and counted.  The missing data are printed, and listed in recovered.json in the new folder and in each
-file.  Exit code 0: nothing is missing and everything is proved; 3: something is missing, unproved, or not proved
+file.  Exit code 0: nothing is missing and everything is verified; 3: something is missing, unverified, or not verified
 complete, as every file without a summary.
 
 With --in-place: a file that a kill or a power cut left open gets its index, summary and footer, so that every reader
@@ -74,7 +74,7 @@ def _close(session: str) -> int:
     if not is_changed or (report := verify(Recording.open(session))).holds:
         return code
     print_lines(report.findings[:MAX_SHOWN])
-    print_line(f"not proved complete; all findings: fti verify {session}")
+    print_line(f"not verified to be complete; all findings: fti verify {session}")
     return 3
 
 
@@ -112,22 +112,22 @@ def _verdict(report: RecoveryReport) -> str:
     if report.gaps or any(file.lost for file in report.files):
         return "data are missing"
     if any(not file.summary for file in report.files):
-        return "not proved complete: a file has no valid summary, data may be missing at its end"
+        return "not verified to be complete: a file has no valid summary, data may be missing at its end"
     if any(file.warnings for file in report.files):
-        return "not everything is proved: a file was not finished by its writer, or was recovered before"
-    return "nothing is missing; not everything is proved"
+        return "not everything is verified: a file was not finished by its writer, or was recovered before"
+    return "nothing is missing; not everything is verified"
 
 
 def _file_text(file: FileReport) -> Iterator[str]:
-    unproved = f" ({file.unproved} without a checksum that proves them)" if file.unproved else ""
+    unverified = f" ({file.unverified} without a checksum that covers them)" if file.unverified else ""
     yield (
-        f"{file.file}: {file.messages} messages{unproved}, "
+        f"{file.file}: {file.messages} messages{unverified}, "
         f"{file.attachments} attachments, {file.metadata} metadata records recovered"
     )
-    if file.unproved_ns is not None:
-        yield f"  the first unproved message is at {_time(file.unproved_ns)}"
+    if file.unverified_ns is not None:
+        yield f"  the first unverified message is at {_time(file.unverified_ns)}"
     if not file.summary:
-        yield "  has no valid summary: not proved complete, data may be missing at its end"
+        yield "  has no valid summary: not verified to be complete, data may be missing at its end"
     for warning in file.warnings:
         yield f"  {warning}"
     for name in file.altered_metadata:
@@ -135,7 +135,7 @@ def _file_text(file: FileReport) -> Iterator[str]:
     if file.copies:
         yield f"  {file.copies} messages are also in an earlier one of the joined files, and are copied once"
     for byte in file.flipped[:MAX_SHOWN]:
-        yield f"  a bit of byte {byte} was flipped back, so that the checksum of its chunk is valid: likely, not proved"
+        yield f"  a bit of byte {byte} was flipped back, so that its chunk has a valid checksum: likely, not certain"
     if len(file.flipped) > MAX_SHOWN:
         yield f"  and {len(file.flipped) - MAX_SHOWN} more bits; see recovered.json"
     for damage in file.damages[:MAX_SHOWN]:

@@ -69,7 +69,7 @@ class ChunkSegment(NamedTuple):
     end: int
     crc: int
     end_crc: int
-    proved: bool
+    verified: bool
 
 
 def segments(data: bytes, checkpoints: Sequence[Checkpoint]) -> list[ChunkSegment]:
@@ -81,7 +81,7 @@ def segments(data: bytes, checkpoints: Sequence[Checkpoint]) -> list[ChunkSegmen
     for checkpoint in checkpoints:
         piece = view[last.size : checkpoint.size]
         whole = len(piece) == checkpoint.size - last.size
-        proved = whole and zlib.crc32(piece, last.crc) == checkpoint.crc
-        found.append(ChunkSegment(last.size, checkpoint.size, last.crc, checkpoint.crc, proved))
+        verified = whole and zlib.crc32(piece, last.crc) == checkpoint.crc
+        found.append(ChunkSegment(last.size, checkpoint.size, last.crc, checkpoint.crc, verified))
         last = checkpoint
     return found

@@ -67,7 +67,7 @@ def _link(running: Daemon, name: str) -> dict[str, Any]:
     return content
 
 
-def _assert_proved(session: Path) -> None:
+def _assert_verified(session: Path) -> None:
     done = fti("verify", str(session))
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -94,7 +94,7 @@ def test_a_long_stop_of_navigation_a_flood_and_a_flapping_line(rig: Rig, scale: 
     gaps = [json.loads(data) for _, _, _, _, data in recording.messages("/fti/gap", kind="derived")]
     assert gaps[0]["kind"] == "ring"
     assert lost in accumulate(gap["before_seq"] - gap["after_seq"] - 1 for gap in gaps)
-    _assert_proved(session)
+    _assert_verified(session)
 
 
 def _overrun_the_ring(running: Daemon, port: int) -> int:

@@ -11,12 +11,12 @@ from fti.logger.reading.text_format import clock_text
 def list_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
     """Sentences about messages without a checksum, from one metadata table."""
     if name == RECOVERED_METADATA:  # the recovery made the checksums: they do not prove the original data
-        if (unproved := table.get("unproved", "?")) != "0":
-            yield f"was recovered; {unproved} messages had no valid checksum"
+        if (unverified := table.get("unproved", "?")) != "0":
+            yield f"was recovered; {unverified} messages had no valid checksum"
         if table.get("complete") != "true":
             yield "was recovered from a damaged file"
     elif name == CLOSED_METADATA:
-        yield from _unproved_warnings(table)
+        yield from _unverified_warnings(table)
 
 
 def list_end_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
@@ -27,21 +27,21 @@ def list_end_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
 
 def list_notes(name: str, table: Mapping[str, str]) -> Iterator[str]:
     """Sentences that do not mean a loss."""
-    if name == CLOSED_METADATA and not (any(_unproved_warnings(table)) or any(_end_warnings(table))):
+    if name == CLOSED_METADATA and not (any(_unverified_warnings(table)) or any(_end_warnings(table))):
         yield "was closed later: its writer ended before it closed the file"
 
 
 def has_unverified_end(tables: Mapping[str, Mapping[str, str]]) -> bool:
-    """Was the last chunk of a file closed with unproved or missing data?"""
+    """Was the last chunk of a file closed with unverified or missing data?"""
     table = tables.get(CLOSED_METADATA)
-    return table is not None and (any(_unproved_warnings(table)) or any(_end_warnings(table)))
+    return table is not None and (any(_unverified_warnings(table)) or any(_end_warnings(table)))
 
 
-def _unproved_warnings(table: Mapping[str, str]) -> Iterator[str]:
+def _unverified_warnings(table: Mapping[str, str]) -> Iterator[str]:
     """The checksum of the last chunk was made when the file was closed."""
-    unproved = table.get("unproved_messages", "?")
-    if unproved != "0":
-        yield f"was closed later: {unproved} messages{_start_text(table)} are unproved, no checksum covered them"
+    unverified = table.get("unproved_messages", "?")
+    if unverified != "0":
+        yield f"was closed later: {unverified} messages{_start_text(table)} are unverified, no checksum covered them"
 
 
 def _end_warnings(table: Mapping[str, str]) -> Iterator[str]:

@@ -1,10 +1,10 @@
-"""The last chunk of an unfinished file: proved records, unproved records and damage.
+"""The last chunk of an unfinished file: verified records, unverified records and damage.
 
 After a kill the checksum in the chunk's head proves everything except the last flush.  After a power cut the chunk is
-proved up to the last sync; later pages may be missing, old or zero.  Whole records after the proved part are accepted
-and counted up to the first invalid one.  If that is not a torn record, the record before it is rejected too, because
-the damage may begin in it.  Everything else is damage, and such a file is not closed: a proved segment after an
-unproved one, damage before the last sync, invalid records in the proved part.
+verified up to the last sync; later pages may be missing, old or zero.  Whole records after the verified part are
+accepted and counted up to the first invalid one.  If that is not a torn record, the record before it is rejected too,
+because the damage may begin in it.  Everything else is damage, and such a file is not closed: a verified segment after
+an unverified one, damage before the last sync, invalid records in the verified part.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fti.logger.reading.record_cursor import ChunkHead, channel_fields
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import Op
 
-#: Largest time span of the unproved records after one sync period [ns].
+#: Largest time span of the unverified records after one sync period [ns].
 MAX_UNPROVED_NS = 30 * 10**9
 
 
@@ -68,13 +68,13 @@ class OpenChunk:
     """Content of an open chunk.
 
     content        : the accepted records
-    unproved       : messages among them without a checksum; unproved_ns : log time of the first of them
+    unverified       : messages among them without a checksum; unverified_ns : log time of the first of them
     missing_bytes  : bytes that the head or a checkpoint counts as records and that are cut off or damaged
     """
 
     content: Content
-    unproved: int = 0
-    unproved_ns: int | None = None
+    unverified: int = 0
+    unverified_ns: int | None = None
     missing_bytes: int = 0
 
 
@@ -104,12 +104,12 @@ def inspect_open_chunk(data: bytes, head: ChunkHead, marks: ChunkMarks, known: D
     covered = max([head.size, *(checkpoint.size for checkpoint in marks.checkpoints)])
     if not marks.checkpoints:
         return _without_proof(data, covered, known)
-    proved = _proved_bytes(data, head, marks)
-    content = _content(data[:proved], known)
+    verified = _verified_bytes(data, head, marks)
+    content = _content(data[:verified], known)
     if not content.whole:
         raise DamagedChunkError(f"its records are damaged {content.end} bytes behind its head")
     found = OpenChunk(content)
-    _take_unproved(found, data[proved:], known)
+    _take_unverified(found, data[verified:], known)
     found.missing_bytes = max(0, covered - found.content.end)
     return found
 
@@ -131,42 +131,42 @@ def _without_proof(data: bytes, covered: int, known: Declarations) -> OpenChunk:
     return OpenChunk(content.trim(), content.messages, first, max(0, covered - content.end))
 
 
-def _proved_bytes(data: bytes, head: ChunkHead, marks: ChunkMarks) -> int:
-    """Number of bytes that are proved from the begin on.  Raises DamagedChunkError."""
+def _verified_bytes(data: bytes, head: ChunkHead, marks: ChunkMarks) -> int:
+    """Number of bytes that are verified from the begin on.  Raises DamagedChunkError."""
     if head.crc and len(data) >= head.size and zlib.crc32(memoryview(data)[: head.size]) == head.crc:
         return head.size
     found = segments(data, marks.checkpoints)
-    count = next((n for n, segment in enumerate(found) if not segment.proved), len(found))
-    proved = found[count - 1].end if count else 0
-    if any(segment.proved for segment in found[count:]) or _is_before_last_sync(found, count, len(data), marks):
-        raise DamagedChunkError(f"the checksum of its records from {proved} bytes behind its head on does not match")
-    return proved
+    count = next((n for n, segment in enumerate(found) if not segment.verified), len(found))
+    verified = found[count - 1].end if count else 0
+    if any(segment.verified for segment in found[count:]) or _is_before_last_sync(found, count, len(data), marks):
+        raise DamagedChunkError(f"the checksum of its records from {verified} bytes behind its head on does not match")
+    return verified
 
 
-def _is_before_last_sync(found: list[ChunkSegment], unproved: int, size: int, marks: ChunkMarks) -> bool:
-    """Is a segment unproved that the last sync but one has written to the medium?
+def _is_before_last_sync(found: list[ChunkSegment], unverified: int, size: int, marks: ChunkMarks) -> bool:
+    """Is a segment unverified that the last sync but one has written to the medium?
 
     The last checkpoint is written before its sync, which may not have ended; the head may cover more after it.  Bytes
     after the end of a cut file are missing, not damaged.
     """
     allowed = len(found) - 1 - (found[-1].end > marks.synced) if marks.reliable else len(found)
-    return any(segment.end <= size for segment in found[unproved : max(allowed, 0)])
+    return any(segment.end <= size for segment in found[unverified : max(allowed, 0)])
 
 
-def _take_unproved(found: OpenChunk, data: bytes, known: Declarations) -> None:
-    """Add the whole, valid records after the proved part."""
+def _take_unverified(found: OpenChunk, data: bytes, known: Declarations) -> None:
+    """Add the whole, valid records after the verified part."""
     content = found.content
-    proved, messages, proved_ns = content.end, content.messages, content.times[1]
+    verified, messages, verified_ns = content.end, content.messages, content.times[1]
     content.feed(data)
-    if not content.torn and content.last >= proved:
+    if not content.torn and content.last >= verified:
         content = found.content = content.cut()
     if not known.suffice(content):
-        found.content = _content(bytes(content.data[:proved]), known)
+        found.content = _content(bytes(content.data[:verified]), known)
         return
     content.trim()
     pairs = (zip(entries[::2], entries[1::2], strict=True) for entries in content.index.values())
-    times = [at_ns for at_ns, at in chain.from_iterable(pairs) if at >= proved]
-    found.unproved = content.messages - messages
-    found.unproved_ns = min(times, default=None)
-    if messages and times and max(times) - proved_ns > MAX_UNPROVED_NS:
-        raise DamagedChunkError(f"its records from {proved} bytes behind its head on span more than one sync period")
+    times = [at_ns for at_ns, at in chain.from_iterable(pairs) if at >= verified]
+    found.unverified = content.messages - messages
+    found.unverified_ns = min(times, default=None)
+    if messages and times and max(times) - verified_ns > MAX_UNPROVED_NS:
+        raise DamagedChunkError(f"its records from {verified} bytes behind its head on span more than one sync period")

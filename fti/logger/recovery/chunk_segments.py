@@ -21,13 +21,13 @@ CRC_AT = HEAD.size + 24
 class Messages:
     """Records of a chunk, or outside of chunks (head is None).
 
-    proved : their checksum matches; flipped : the byte of the file with a corrected bit
+    verified : their checksum matches; flipped : the byte of the file with a corrected bit
     """
 
     begin: int
     end: int
     content: Content
-    proved: bool
+    verified: bool
     head: ChunkHead | None = None
     flipped: int | None = None
 
@@ -72,15 +72,15 @@ def headless_chunk(source: TolerantFile, at: int) -> ChunkHead | None:
 def split(chunk: ChunkData, channels: Collection[int], *, open_end: bool) -> list[Piece]:
     """The pieces of a chunk.
 
-    channels : known before it; open_end : the file is unfinished: the data after the last proved segment may be
-    incomplete, and whole records of them are accepted unproved
+    channels : known before it; open_end : the file is unfinished: the data after the last verified segment may be
+    incomplete, and whole records of them are accepted unverified
     """
     found = _merge_segments(segments(chunk.data, chunk.checkpoints))
-    last = max((n for n, segment in enumerate(found) if segment.proved), default=-1)
+    last = max((n for n, segment in enumerate(found) if segment.verified), default=-1)
     known = set(channels)
     pieces: list[Piece] = []
     for n, segment in enumerate(found):
-        piece = _piece(chunk, segment, known, unproved_end=n > last and (open_end or segment.end > len(chunk.data)))
+        piece = _piece(chunk, segment, known, unverified_end=n > last and (open_end or segment.end > len(chunk.data)))
         if isinstance(piece, Messages):
             known |= piece.content.channels.keys()
         if piece.end > piece.begin:
@@ -91,21 +91,21 @@ def split(chunk: ChunkData, channels: Collection[int], *, open_end: bool) -> lis
 
 
 def _merge_segments(found: Sequence[ChunkSegment]) -> list[ChunkSegment]:
-    """Merge adjacent proved segments."""
+    """Merge adjacent verified segments."""
     merged: list[ChunkSegment] = []
     for segment in found:
-        if merged and merged[-1].proved and segment.proved:
+        if merged and merged[-1].verified and segment.verified:
             merged[-1] = ChunkSegment(merged[-1].begin, segment.end, merged[-1].crc, segment.end_crc, True)
         else:
             merged.append(segment)
     return merged
 
 
-def _piece(chunk: ChunkData, segment: ChunkSegment, known: set[int], *, unproved_end: bool) -> Piece:
+def _piece(chunk: ChunkData, segment: ChunkSegment, known: set[int], *, unverified_end: bool) -> Piece:
     head, data = chunk.head, chunk.data[segment.begin : segment.end]
     begin = head.at if segment.begin == 0 else head.begin + segment.begin
     end = head.begin + segment.begin + len(data)
-    if segment.proved:
+    if segment.verified:
         content = Content(None).feed(data)
         return Messages(begin, end, content, True, head) if content.whole else LostBytes(begin, end)
     mended = _correct_segment(data, segment) if len(data) == segment.end - segment.begin else None
@@ -114,7 +114,7 @@ def _piece(chunk: ChunkData, segment: ChunkSegment, known: set[int], *, unproved
         at = head.begin + segment.begin + flipped if flipped < len(data) else head.at + CRC_AT
         return Messages(begin, end, content, False, head, at)
     content = Content(known).feed(data)
-    if unproved_end and content.end:
+    if unverified_end and content.end:
         whole = content if content.torn else content.cut()
         return Messages(begin, head.begin + segment.begin + whole.end, whole.trim(), False, head)
     return LostBytes(begin, end)

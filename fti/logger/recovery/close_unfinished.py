@@ -2,8 +2,8 @@
 
 The last chunk keeps every whole record and gets its size, times and checksum; the file gets message index, summary and
 footer.  Other bytes after these records, except zeros, are first saved in a file in the same folder.  The metadata
-``fti.closed`` count the unproved messages.  A file with other damage stays unchanged.  A killed repair can be repeated,
-because the footer is written last.
+``fti.closed`` count the unverified messages.  A file with other damage stays unchanged.  A killed repair can be
+repeated, because the footer is written last.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _FILE_HEAD = records.file_head()
 class CloseResult:
     """Result for one unfinished file.
 
-    unproved      : messages without a checksum; unproved_ns : log time of the first of them
+    unverified      : messages without a checksum; unverified_ns : log time of the first of them
     missing_bytes : bytes that were written at its end and are missing, damaged or zero
     rest_file     : file with the bytes that are not whole records; rest_bytes : its size
     fault         : why the file was not closed; None when it is closed
@@ -44,18 +44,18 @@ class CloseResult:
 
     path: Path
     messages: int = 0
-    unproved: int = 0
-    unproved_ns: int | None = None
+    unverified: int = 0
+    unverified_ns: int | None = None
     missing_bytes: int = 0
     rest_file: Path | None = None
     rest_bytes: int = 0
     fault: str | None = None
 
     def describe_loss(self) -> str:
-        """Text on unproved, missing or saved data, or the fault; empty without any."""
+        """Text on unverified, missing or saved data, or the fault; empty without any."""
         if self.fault:
             return self.fault
-        parts = [f"{self.unproved} messages at its end are unproved"] if self.unproved else []
+        parts = [f"{self.unverified} messages at its end are unverified"] if self.unverified else []
         if self.missing_bytes:
             parts.append(f"{self.missing_bytes} bytes at its end are missing or damaged")
         if self.rest_file:
@@ -145,8 +145,8 @@ class _FileCloser:
         return CloseResult(
             self._path,
             self._inspection.summary.counts.total(),
-            chunk.unproved if chunk else 0,
-            chunk.unproved_ns if chunk else None,
+            chunk.unverified if chunk else 0,
+            chunk.unverified_ns if chunk else None,
             self._inspection.missing_bytes,
             rest_file,
             rest_file.stat().st_size if rest_file else 0,
@@ -193,9 +193,9 @@ class _FileCloser:
 
     def _table(self, rest_file: Path | None) -> dict[str, str]:
         chunk = self._inspection.chunk
-        table = {"unproved_messages": str(chunk.unproved if chunk else 0)}
-        if chunk and chunk.unproved_ns is not None:
-            table["unproved_from_ns"] = str(chunk.unproved_ns)
+        table = {"unproved_messages": str(chunk.unverified if chunk else 0)}
+        if chunk and chunk.unverified_ns is not None:
+            table["unproved_from_ns"] = str(chunk.unverified_ns)
         table["missing_bytes"] = str(self._inspection.missing_bytes)
         if rest_file:
             table["kept_file"] = rest_file.name

@@ -1,11 +1,11 @@
-"""Scan of a file that may be damaged: proved records, unproved records and lost bytes.
+"""Scan of a file that may be damaged: verified records, unverified records and lost bytes.
 
 A chunk with a matching checksum is accepted.  Otherwise the checkpoints before the chunk verify each segment between
 two syncs (``chunk_segments``).  If one flipped bit explains the checksum of a segment, the bit is corrected and the
-segment is accepted unproved, because other damage may look the same (``flipped_bit``).  A segment with another wrong
-checksum is lost: nothing in it can be proved, and no message is invented.
-Messages after the last checksum of an unfinished or cut file, and messages outside of chunks, are accepted unproved, up
-to the first invalid record.  The record before an invalid one is rejected too, because the damage may begin in it.
+segment is accepted unverified, because other damage may look the same (``flipped_bit``).  A segment with another wrong
+checksum is lost: nothing in it can be verified, and no message is invented.
+Messages after the last checksum of an unfinished or cut file, and messages outside of chunks, are accepted unverified,
+up to the first invalid record.  The record before an invalid one is rejected too, because the damage may begin in it.
 
 After damage the scan continues at the next self-proving record: a chunk or attachment with a matching checksum, an open
 chunk, or metadata or data end followed by a valid record.  A recording inside a message is not mistaken for one: if the
@@ -63,7 +63,7 @@ class Walk:
         self._last_chunk: tuple[ChunkHead, list[Piece]] | None = None
         self._queue: list[Piece] = []  # further pieces of the current chunk
         self._chunk_end = 0  # end of the records of the last chunk; more of an open one may follow
-        self._proved_end = 0  # end of the last piece that cannot cover the begin of the next
+        self._verified_end = 0  # end of the last piece that cannot cover the begin of the next
 
     def pieces(self) -> Iterator[Piece]:
         """The pieces, from the begin of the file to the end of its data, or of the file without a summary."""
@@ -85,7 +85,7 @@ class Walk:
             self._allows_bare_messages = piece.head is None
             self._chunk_end = piece.end
         if isinstance(piece, Messages) or (isinstance(piece, OtherRecord) and piece.op == Op.ATTACHMENT):
-            self._proved_end = piece.end
+            self._verified_end = piece.end
 
     def _declare(self, content: Content) -> None:
         """Add schemas and channels.  Raises RecordingError beyond the limits."""
@@ -155,8 +155,8 @@ class Walk:
         elif head.crc and not (self._summary_index and head.end > self._limit):
             found = self._split(head)
         else:
-            unproved = self._unproved(head, stored)
-            found = [unproved] if unproved else []
+            unverified = self._unverified(head, stored)
+            found = [unverified] if unverified else []
         agree = all(self.declared.agree(piece.content) for piece in found if isinstance(piece, Messages))
         self._last_chunk = head, found if agree else []
         return self._last_chunk[1]
@@ -177,11 +177,11 @@ class Walk:
         if head is None or head.size > MAX_RECORD:
             return []
         pieces = self._split(head)
-        if not any(isinstance(piece, Messages) and piece.proved for piece in pieces):
+        if not any(isinstance(piece, Messages) and piece.verified for piece in pieces):
             return []
         return [LostBytes(at, head.begin), *pieces]
 
-    def _unproved(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
+    def _unverified(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
         """A chunk without a checksum, which may be longer than its head states."""
         if stored is None and (head.end <= self._limit or self._summary_index):
             return None
@@ -199,7 +199,7 @@ class Walk:
         return self._source.read(at, min(BLOCK_BYTES, self._limit - at)) if first and first[0] in _BARE else b""
 
     def _as_messages(self, head: ChunkHead | None, content: Content, begin: int = 0) -> Messages | None:
-        """The valid part of unproved records."""
+        """The valid part of unverified records."""
         begin = head.begin if head else begin
         reaches_end = begin + len(content.data) >= self._limit and content.torn
         if not (reaches_end or self._is_sound(begin + content.end)):
@@ -224,10 +224,10 @@ class Walk:
 
         A shortened record before the offset may cover the begin of a chunk, which is searched first.
         """
-        for offset in self._candidates(self._proved_end, at):
+        for offset in self._candidates(self._verified_end, at):
             head = chunk_head(self._source, offset)
             if head and self._proves_itself(offset):
-                return LostBytes(self._proved_end, offset)
+                return LostBytes(self._verified_end, offset)
         return LostBytes(at, self._next_sound(at + 1, self._limit))
 
     def _damaged_chunk(self, head: ChunkHead) -> LostBytes | None:
@@ -251,7 +251,7 @@ class Walk:
             at += BLOCK_BYTES
             self._progress(min(at, end))
 
-    def next_proved(self, at: int) -> int | None:
+    def next_verified(self, at: int) -> int | None:
         """Offset of the next self-proving chunk or attachment; None without one."""
         for offset in self._candidates(at, self._limit):
             if self._source.read(offset, 1)[0] in (Op.CHUNK, Op.ATTACHMENT) and self._proves_itself(offset):
@@ -271,10 +271,10 @@ class Walk:
         return record.op == Op.ATTACHMENT or is_checked
 
     def _is_proof(self, piece: Piece, head: ChunkHead) -> bool:
-        """Does this piece prove a chunk?  A chunk with checksum 0 is proved by its form."""
+        """Does this piece prove a chunk?  A chunk with checksum 0 is verified by its form."""
         if not isinstance(piece, Messages) or not piece.content.messages:
             return False
-        return piece.proved or (piece.flipped is None and not head.crc) or bool(self._summary_offsets)
+        return piece.verified or (piece.flipped is None and not head.crc) or bool(self._summary_offsets)
 
     def _leads_to(self, at: int, end: int) -> bool:
         """Do consecutive valid records lead exactly from one offset to another?"""

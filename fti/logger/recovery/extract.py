@@ -194,7 +194,7 @@ class _Extraction:
         for name, table in self._tables.items():
             self._report.warnings += [*list_warnings(name, table), *list_end_warnings(name, table)]
         if CLOSED_METADATA in self._tables and not self._has_final_ledger:
-            self._report.warnings.append("was closed later and has no final ledger: not proved complete")
+            self._report.warnings.append("was closed later and has no final ledger: not verified to be complete")
         recovered_table = with_own_checksum(RECOVERED_METADATA, self._summary())
         self._writer.metadata(records.metadata(RECOVERED_METADATA, recovered_table))
         self._writer.finish()
@@ -205,7 +205,7 @@ class _Extraction:
         self._taken_offsets.add(piece.begin)
         if not content.messages:
             return
-        if self._known and piece.proved and self._known.is_copy(content):
+        if self._known and piece.verified and self._known.is_copy(content):
             report.copies += content.messages
             return
         for channel_id in unknown_channels(content, self._writer.channels):
@@ -218,10 +218,10 @@ class _Extraction:
         self._numbers.add(content, self._writer.channels)
         self._note_ledger(content)
         report.messages += content.messages
-        report.chunks += piece.proved
-        if not piece.proved:
-            report.unproved += content.messages
-            report.unproved_ns = min(content.times[0], report.unproved_ns or content.times[0])
+        report.chunks += piece.verified
+        if not piece.verified:
+            report.unverified += content.messages
+            report.unverified_ns = min(content.times[0], report.unverified_ns or content.times[0])
         if piece.flipped is not None:
             report.flipped.append(piece.flipped)
         self._note_times(content.times)
@@ -292,7 +292,7 @@ class _Extraction:
         return {
             "file": report.file,
             "messages": str(report.messages),
-            "unproved": str(report.unproved),
+            "unproved": str(report.unverified),
             "complete": str(report.complete).lower(),
             "missing_messages": "unknown" if report.missing_messages is None else str(report.missing_messages),
             "damages": json.dumps([asdict(damage) for damage in report.damages]),

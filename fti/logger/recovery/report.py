@@ -23,11 +23,11 @@ class Damage:
 class FileReport:
     """Report on one file.
 
-    messages : recovered; unproved : those without a matching checksum, unproved_ns : log time of the first;
+    messages : recovered; unverified : those without a matching checksum, unverified_ns : log time of the first;
     chunks : recovered with a matching checksum.  altered_metadata : tables that do not match their checksums.
-    warnings : unproved or missing data according to the metadata of a file that was closed late or recovered before.
+    warnings : unverified or missing data according to the metadata of a file that was closed late or recovered before.
     copies : messages that another one of concatenated files has too.
-    flipped : the bytes of the file with a corrected bit; their segments are unproved.
+    flipped : the bytes of the file with a corrected bit; their segments are unverified.
     summary_messages, missing_chunks : number of messages, and missing chunks, according to an undamaged summary.
     """
 
@@ -35,8 +35,8 @@ class FileReport:
     bytes: int
     summary: bool = False
     messages: int = 0
-    unproved: int = 0
-    unproved_ns: int | None = None
+    unverified: int = 0
+    unverified_ns: int | None = None
     chunks: int = 0
     attachments: int = 0
     metadata: int = 0
@@ -53,7 +53,7 @@ class FileReport:
 
     @property
     def complete(self) -> bool:
-        """Is the summary undamaged and nothing lost, corrected, changed or unproved?
+        """Is the summary undamaged and nothing lost, corrected, changed or unverified?
 
         Indexes may be damaged, because they are rebuilt.
         """
@@ -89,6 +89,7 @@ class RecoveryReport:
     def as_json(self) -> dict[str, Any]:
         """The report, for programs."""
         renamed = {"summary_messages": "told_messages", "matches_summary": "all_told", "warnings": "doubts"}
+        renamed |= {"unverified": "unproved", "unverified_ns": "unproved_ns"}
         files = [
             {
                 **{renamed.get(key, key): value for key, value in asdict(file).items()},
@@ -103,7 +104,7 @@ class RecoveryReport:
             "source": self.source,
             "complete": self.complete,
             "messages": sum(file.messages for file in self.files),
-            "unproved": sum(file.unproved for file in self.files),
+            "unproved": sum(file.unverified for file in self.files),
             "missing_numbers": gaps,
             "files": files,
         }

@@ -157,7 +157,7 @@ class _Inspector:
         if not rest.strip(b"\0"):
             found.zeros = len(rest)
             return
-        later = Walk(self._source, None, lambda done: None).next_proved(found.end + 1)
+        later = Walk(self._source, None, lambda done: None).next_verified(found.end + 1)
         if later is not None:
             raise self._refusal(f"its records are invalid from byte {found.end} on, but valid again at byte {later}")
         if is_followed_by_chunk(self._source, found.end):

@@ -76,10 +76,10 @@ class FileCheck:
 
     messages     : of each channel id; chunks : their offsets; metadata : the tables by name
     size         : bytes read; the file may have grown since
-    warnings     : unproved data: the file was not finished, was closed later or was made by a recovery
+    warnings     : unverified data: the file was not finished, was closed later or was made by a recovery
     end_warnings : missing bytes at the end of a file that was closed later; other files may hold their content
     notes        : remarks that do not mean a loss
-    proved       : False when the last chunk of an unfinished file holds less, or more, than its checksum covers
+    verified       : False when the last chunk of an unfinished file holds less, or more, than its checksum covers
     """
 
     def __init__(self, path: Path) -> None:
@@ -90,7 +90,7 @@ class FileCheck:
         self.messages: Counter[int] = Counter()
         self.chunks: list[int] = []
         self.metadata: dict[str, dict[str, str]] = {}
-        self.proved = True
+        self.verified = True
         self.warnings: list[str] = []
         self.end_warnings: list[str] = []
         self.notes: list[str] = []
@@ -99,7 +99,7 @@ class FileCheck:
         self._sizes = DeclaredSizes()
         self._index: dict[int, bytes] = {}  # expected after the last chunk
         self._ended = False  # the data section has ended
-        self._unproved_chunks: list[int] = []  # chunks that do not match their checkpoints
+        self._unverified_chunks: list[int] = []  # chunks that do not match their checkpoints
 
     def pages(self, at: int = 0) -> Iterator[Page]:
         """The content of the chunks, up to the limits.  Raises MissingError when the file cannot be opened.
@@ -169,10 +169,10 @@ class FileCheck:
             return
         data = bytes(found.content.data)
         rows, end = self._walk(data)
-        self.proved = not (found.unproved or found.missing_bytes)
-        if found.unproved and not growing:
-            since = "" if found.unproved_ns is None else f" from {clock_text(found.unproved_ns)} on"
-            self.warnings.append(f"{found.unproved} messages{since} are unproved: no checksum covers them")
+        self.verified = not (found.unverified or found.missing_bytes)
+        if found.unverified and not growing:
+            since = "" if found.unverified_ns is None else f" from {clock_text(found.unverified_ns)} on"
+            self.warnings.append(f"{found.unverified} messages{since} are unverified: no checksum covers them")
         if found.missing_bytes:
             self.warnings.append(f"{found.missing_bytes} bytes at its end are missing or damaged")
         self._break(head.begin + end, torn=not is_followed_by_chunk(source, head.begin + end))
@@ -208,8 +208,8 @@ class FileCheck:
         marks = chunk_marks(source, head)
         if marks.damaged:
             self.faults.append(f"the checkpoints before the chunk at byte {head.at} are damaged")
-        elif not all(segment.proved for segment in segments(data, marks.checkpoints)):
-            self._unproved_chunks.append(head.at)
+        elif not all(segment.verified for segment in segments(data, marks.checkpoints)):
+            self._unverified_chunks.append(head.at)
 
     def _page(self, data: bytes, rows: dict[int, list[MessageRow]], at: int, end: int) -> Page:
         named = []
@@ -275,8 +275,8 @@ class FileCheck:
 
     def _check_metadata(self) -> None:
         if has_unverified_end(self.metadata):  # the last chunk of one that was closed later
-            self._unproved_chunks = [at for at in self._unproved_chunks if at != self.chunks[-1]]
-        for at in self._unproved_chunks:
+            self._unverified_chunks = [at for at in self._unverified_chunks if at != self.chunks[-1]]
+        for at in self._unverified_chunks:
             self.faults.append(f"the checkpoints before the chunk at byte {at} do not match its records")
         for name in altered_tables(self.metadata):
             self.faults.append(f"the checksum of its metadata {name} does not match")

@@ -13,7 +13,7 @@ class CheckVerdict(StrEnum):
 
     OK = "ok"
     NOTE = "note"  # passed, with a remark
-    LOSS = "loss"  # known data are missing or cannot be proved
+    LOSS = "loss"  # known data are missing or cannot be verified
     REFUTED = "refuted"  # failed
 
 
@@ -89,7 +89,7 @@ class VerifyReport:
 
     @property
     def holds(self) -> bool:
-        """Is nothing missing or damaged, and is everything proved?"""
+        """Is nothing missing or damaged, and is everything verified?"""
         return self.verdict is CheckVerdict.OK
 
     @property

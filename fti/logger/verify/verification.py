@@ -85,7 +85,7 @@ class _Verification:
         return report
 
     def _check_ends(self, files: Check) -> None:
-        """Missing bytes at the end of a raw file are not a loss if the session is proved complete without them.
+        """Missing bytes at the end of a raw file are not a loss if the session is verified complete without them.
 
         Data that a failed medium may have lost were written to the next file too.
         """
@@ -215,9 +215,9 @@ class _Verification:
     def _read_by_stream(self, file: FileCheck) -> list[str]:
         """Compare an unfinished file, which may have grown since.
 
-        The reader accepts whole chunks only: a chunk that is not proved to its end cannot be compared.
+        The reader accepts whole chunks only: a chunk that is not verified to its end cannot be compared.
         """
-        if not file.proved:
+        if not file.verified:
             return []
         found, size = 0, file.path.stat().st_size
         with file.path.open("rb") as stream:

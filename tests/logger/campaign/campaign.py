@@ -127,7 +127,7 @@ class _CaseRun:
         notes = self._outcome.notes
         notes["copy: intact messages not in it"] = check.lost
         notes["copy: of these, more than a second beside damage"] = check.lost_early
-        notes["copy: altered messages, counted unproved"] = check.altered
+        notes["copy: altered messages, counted unverified"] = check.altered
         notes["copy: messages of a channel without name"] = check.unnamed
 
     def _close(self) -> None:
@@ -139,7 +139,7 @@ class _CaseRun:
         notes["closed" if check.closed else "left alone"] = 1
         notes["closed: intact messages kept beside"] = check.rest
         notes["closed: altered messages"] = check.altered
-        notes["closed: unproved messages"] = check.unproved
+        notes["closed: unverified messages"] = check.unverified
         folder, file = self._verify(self._folder), self._verify(self._file)
         self._outcome.faults += check.check_verified(folder, file)
         if check.closed:
@@ -171,7 +171,7 @@ class _CaseRun:
             self._outcome.faults.append("closing: a second one changes the file")
         out = self._directory / "copy_of_closed"
         copied = fti("recover", self._folder, "--out", out)
-        sound = not (check.unproved or check.altered or check.rest)
+        sound = not (check.unverified or check.altered or check.rest)
         self._outcome.faults += check_command(copied, (0, 3) if sound else (3,))
 
 

@@ -45,7 +45,7 @@ class Truth:
         self._original = session.data
         there = [m for m in session.parsed.messages if m.begin < len(damaged.data)]
         self.end_ns = max((m.content.log_time for m in there), default=0)
-        self.unproved_ns = UNPROVED_TWICE_NS if damaged.twice else UNPROVED_NS
+        self.unverified_ns = UNPROVED_TWICE_NS if damaged.twice else UNPROVED_NS
 
     def is_intact(self, begin: int, end: int) -> bool:
         """Are these bytes as they were?"""
@@ -96,15 +96,15 @@ class Truth:
     def is_late(self, offset: int) -> bool:
         """Does a byte stand in the last second?"""
         message = self.session.parsed.message_at(offset)
-        return message is None or message.content.log_time > self.end_ns - self.unproved_ns
+        return message is None or message.content.log_time > self.end_ns - self.unverified_ns
 
     @cached_property
     def is_harmed_early(self) -> bool:
-        """Is something altered that a sync had proved: a message, a declaration, a table, an attachment?"""
+        """Is something altered that a sync had verified: a message, a declaration, a table, an attachment?"""
         hit = [r for r in self.session.parsed.of(SCHEMA, CHANNEL, METADATA, ATTACHMENT) if self._is_altered(r)]
         declared = any(not self._is_before_late(r) for r in hit if r.op in (SCHEMA, CHANNEL))
         others = any(self._is_followed(r) for r in hit if r.op in (METADATA, ATTACHMENT))
-        return declared or others or any(m.content.log_time <= self.end_ns - self.unproved_ns for m in self.harmed)
+        return declared or others or any(m.content.log_time <= self.end_ns - self.unverified_ns for m in self.harmed)
 
     def _is_altered(self, record: Record) -> bool:
         return record.end <= len(self.damaged.data) and not self.is_intact(record.begin, record.end)
@@ -187,9 +187,9 @@ class CopyCheck:
         strange = copy.messages - self.truth.messages
         self.unnamed = sum(n for content, n in strange.items() if content.channel[0].startswith(UNNAMED))
         self.altered = strange.total() - self.unnamed
-        unproved = report.get("unproved", 0)
-        if self.altered and self.altered > int(str(unproved)):
-            self.faults.append(f"recover: {self.altered} altered messages in the copy, {unproved} counted unproved")
+        unverified = report.get("unproved", 0)
+        if self.altered and self.altered > int(str(unverified)):
+            self.faults.append(f"recover: {self.altered} altered messages in the copy, {unverified} counted unverified")
         missing = Counter(m.content for m in self.truth.intact) - copy.messages
         self.lost = max(0, missing.total() - self.unnamed)
         hit = self.truth.hit_times
@@ -248,7 +248,7 @@ class ClosingCheck:
     """The folder after the next start or ``recover --in-place``.
 
     closed  : the file is finished now; else it was left alone
-    rest    : intact messages that are in the file beside it; unproved : messages that the file calls so
+    rest    : intact messages that are in the file beside it; unverified : messages that the file calls so
     missing : intact messages that are not in the closed file
     """
 
@@ -257,7 +257,7 @@ class ClosingCheck:
     closed: bool = False
     altered: int = 0
     rest: int = 0
-    unproved: int = 0
+    unverified: int = 0
     missing: int = 0
     complete: bool = False
     faults: list[str] = field(default_factory=list)
@@ -323,14 +323,14 @@ class ClosingCheck:
                 f"{official.counted} by the summary, {len(own.messages)} in the file"
             )
         about = official.metadata.get("fti.closed", {})
-        self.unproved = int(about.get("unproved_messages", "0"))
+        self.unverified = int(about.get("unproved_messages", "0"))
         self._check_altered(own, about)
         self.faults += [f"closing: seals altered {name}" for name in altered_others(self.truth, official)]
         have = Counter(m.content for m in own.messages)
-        self.complete = have == self.truth.messages and not self.unproved
+        self.complete = have == self.truth.messages and not self.unverified
         missing = Counter(m.content for m in self.truth.intact) - have
         self.missing = missing.total()
-        if (missing or self.altered or self.unproved) and not reported:
+        if (missing or self.altered or self.unverified) and not reported:
             self.faults.append(f"closing: {missing.total()} messages are not in the file, and nobody says so")
 
     def _check_altered(self, own: ParsedFile, about: dict[str, str]) -> None:
@@ -339,13 +339,13 @@ class ClosingCheck:
         early = [m for _, m in strange if not self.truth.is_late(m.begin)]
         if early:
             self.faults.append(f"closing: {len(early)} altered messages sealed that are older than a second")
-        first = len(own.messages) - self.unproved
+        first = len(own.messages) - self.unverified
         hidden = [m for n, m in strange if n < first]
         if hidden:
-            self.faults.append(f"closing: {len(hidden)} altered messages sealed that are not counted unproved")
+            self.faults.append(f"closing: {len(hidden)} altered messages sealed that are not counted unverified")
         since = min((m.content.log_time for m in own.messages[first:]), default=None)
-        if self.unproved and about.get("unproved_from_ns") != str(since):
-            self.faults.append(f"closing: unproved from {about.get('unproved_from_ns')}, should be {since}")
+        if self.unverified and about.get("unproved_from_ns") != str(since):
+            self.faults.append(f"closing: unverified from {about.get('unproved_from_ns')}, should be {since}")
 
     def check_verified(self, folder: Result, file: Result) -> Iterator[str]:
         """``fti verify`` afterwards, of the session and of its file."""
@@ -353,7 +353,9 @@ class ClosingCheck:
             yield from check_open(self.truth, folder)
             return
         yield from check_command(folder, (1, 3))
-        unknown = not (self.altered or self.unproved or self.missing or self.rest or self.truth.checkpoints_cover_more)
+        unknown = not (
+            self.altered or self.unverified or self.missing or self.rest or self.truth.checkpoints_cover_more
+        )
         yield from check_command(file, (0, 1, 3) if self.complete or unknown else (1, 3))
         refuted = [r.command for r in (folder, file) if r.code == 1]
         if refuted and self.truth.damaged.natural and not self.altered:

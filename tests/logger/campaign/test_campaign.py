@@ -1,4 +1,4 @@
-"""Open files under damage: no byte is taken away, nothing altered is proved, no exit code is wrong."""
+"""Open files under damage: no byte is taken away, nothing altered is verified, no exit code is wrong."""
 
 from __future__ import annotations
 

@@ -29,19 +29,19 @@ def _last_chunk(session: OpenSession) -> Record:
 
 
 def _checkpoint_sizes(session: OpenSession, slots: Record) -> list[int]:
-    """Proved bytes of the chunk behind, at each checkpoint; 0: none yet."""
+    """Verified bytes of the chunk behind, at each checkpoint; 0: none yet."""
     return [int.from_bytes(session.data[at : at + 8], "little") for at in range(slots.begin + 9, slots.end, 16)]
 
 
-def test_a_copy_of_a_closed_file_says_what_of_it_is_unproved(killed: OpenSession, tmp_path: Path) -> None:
-    """Closing gives the chunk a checksum that holds; the copy does not take it for a proof."""
+def test_a_copy_of_a_closed_file_says_what_of_it_is_unverified(killed: OpenSession, tmp_path: Path) -> None:
+    """Closing gives the chunk a checksum that holds; the copy does not count it as verified."""
     cut = killed.parsed.messages[-3].begin
     assert cut > _last_chunk(killed).begin
     folder = killed.put(tmp_path / "data", killed.data[:cut])
-    assert close_all(tmp_path / "data")[0].unproved > 0
+    assert close_all(tmp_path / "data")[0].unverified > 0
     copied = fti("recover", folder, "--out", tmp_path / "copy")
     assert copied.code == 3
-    assert "unproved" in copied.out
+    assert "unverified" in copied.out
     assert "nothing is missing" not in copied.out
     again = fti("recover", tmp_path / "copy", "--out", tmp_path / "again")
     assert again.code == 3, "nor does a copy of that"
@@ -76,13 +76,13 @@ def test_a_finished_chunk_without_its_message_index_is_refuted(killed: OpenSessi
 
 
 def test_a_file_cut_off_at_a_sync_is_not_refuted_when_it_is_closed(killed: OpenSession, tmp_path: Path) -> None:
-    """All that is left of it is proved, and the checkpoints tell of more: a loss."""
+    """All that is left of it is verified, and the checkpoints tell of more: a loss."""
     chunks = {chunk.begin: chunk for chunk in killed.parsed.of(CHUNK)}
     checkpoints = [(chunks[slots.end], _checkpoint_sizes(killed, slots)) for slots in killed.parsed.of(CHECKPOINTS)]
     chunk, sizes = next((c, sizes) for c, sizes in reversed(checkpoints) if 0 < sizes[0] < sizes[1])
     folder = killed.put(tmp_path, killed.data[: chunk.begin + CHUNK_HEAD_BYTES + sizes[0]])
     (closed,) = close_all(tmp_path)
-    assert closed.unproved == 0
+    assert closed.unverified == 0
     assert closed.missing_bytes > 0
     for place in (folder, closed.path):
         verified = fti("verify", place)

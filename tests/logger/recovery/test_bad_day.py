@@ -70,7 +70,7 @@ def test_one_flipped_length_costs_no_record(tmp_path: Path, capsys: pytest.Captu
     code, output = run(capsys, "recover", path.parent, "--out", tmp_path / "copy")
     messages = read_closed(next((tmp_path / "copy").glob("*.mcap")))
     assert code == 3 and messages == read_stream(whole)  # one bit, turned back
-    assert "(50 without a checksum that proves them)" in output
+    assert "(50 without a checksum that covers them)" in output
 
 
 def test_damage_costs_the_stretch_between_two_syncs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -101,7 +101,7 @@ def test_a_chunk_whose_head_is_damaged_is_found_by_its_checkpoints(
     assert messages == read_stream(whole)
 
 
-def test_unproved_messages_are_counted_before_and_after_closing(
+def test_unverified_messages_are_counted_before_and_after_closing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """An altered message behind the last sync is sealed by closing: its second is counted."""
@@ -112,12 +112,12 @@ def test_unproved_messages_are_counted_before_and_after_closing(
     data[data.index(frame(460)) + 5] ^= 0xFF
     path.write_bytes(data)
     code, output = run(capsys, "verify", path.parent)
-    assert code == 3 and "50 messages from 03:04:14.000 on are unproved" in output
+    assert code == 3 and "50 messages from 03:04:14.000 on are unverified" in output
     code, output = run(capsys, "recover", "--in-place", path.parent)
-    assert code == 3 and "50 messages at its end are unproved" in output
+    assert code == 3 and "50 messages at its end are unverified" in output
     assert read_closed(path)[:450] == log[:450]
     code, output = run(capsys, "verify", path.parent)
-    assert code == 3 and "50 messages from 03:04:14.000 on are unproved" in output
+    assert code == 3 and "50 messages from 03:04:14.000 on are unverified" in output
 
 
 def test_flips_in_declarations_end_no_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -159,14 +159,14 @@ def cuts(whole: bytes) -> dict[str, int]:
     }
 
 
-def test_a_file_without_a_footer_is_not_proved_complete(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_without_a_footer_is_not_verified_complete(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     whole = write_own(tmp_path / "whole.mcap", messages=300, chunk_bytes=3000)
     for name, size in cuts(whole).items():
         path = tmp_path / f"{size}_000.mcap"
         path.write_bytes(whole[:size])
         code, output = run(capsys, "recover", path, "--out", tmp_path / f"{size}")
         assert code == 3 and "nothing is missing" not in output, name
-        assert "not proved complete" in output, name
+        assert "not verified to be complete" in output, name
         assert run(capsys, "verify", tmp_path / f"{size}")[0] == 3, name
 
 
@@ -228,10 +228,10 @@ def test_closing_does_not_make_a_cut_file_complete(tmp_path: Path, capsys: pytes
         path = tmp_path / f"{size}_000.mcap"
         path.write_bytes(whole[:size])
         code, output = run(capsys, "recover", "--in-place", path)
-        assert code == 3 and "not proved complete" in output, size
+        assert code == 3 and "not verified to be complete" in output, size
         code, output = run(capsys, "recover", path, "--out", tmp_path / f"{size}")
         assert code == 3 and "nothing is missing\n" not in output, size
-        assert "no final ledger: not proved complete" in output, size
+        assert "no final ledger: not verified to be complete" in output, size
 
 
 def test_a_damaged_checkpoint_gives_one_answer_before_and_after(

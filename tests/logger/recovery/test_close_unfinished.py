@@ -113,7 +113,7 @@ def test_a_hole_behind_the_last_sync_costs_what_is_behind_it(tmp_path: Path) -> 
     closed = close_unfinished(path)
     messages = read_closed(path)
     assert messages == read_stream(whole)[:311] and closed
-    assert (closed.unproved, closed.unproved_ns) == (11, 300)
+    assert (closed.unverified, closed.unverified_ns) == (11, 300)
     kept = tmp_path / f"a.rest-at-{len(data) - closed.rest_bytes}.bin"
     assert closed.rest_file == kept and bytes(data).endswith(kept.read_bytes()) and closed.rest_bytes > 900
 
@@ -128,9 +128,9 @@ def test_zeros_to_the_end_are_counted_as_missing(tmp_path: Path) -> None:
     assert [len(page.rows[0][1]) for page in proof.pages()] == [300]
     assert [*proof.warnings, *proof.end_warnings] == [
         f"{missing} bytes at its end are missing or damaged"
-    ] and not proof.proved
+    ] and not proof.verified
     closed = close_unfinished(path)
-    assert closed and (closed.unproved, closed.missing_bytes, closed.rest_file) == (0, missing, None)
+    assert closed and (closed.unverified, closed.missing_bytes, closed.rest_file) == (0, missing, None)
     assert f"{missing} bytes at its end" in closed.describe_loss() and read_closed(path) == read_stream(whole)[:300]
     proof = FileCheck(path)
     assert [len(page.rows[0][1]) for page in proof.pages()] == [300]
@@ -147,7 +147,7 @@ def test_a_cut_within_a_sync_is_a_loss_and_no_contradiction(tmp_path: Path) -> N
     for rest in (b"", bytes(missing)):
         path.write_bytes(whole[:-missing] + rest)
         closed = close_unfinished(path)
-        assert closed and (closed.messages, closed.unproved, closed.missing_bytes) == (200, 0, missing)
+        assert closed and (closed.messages, closed.unverified, closed.missing_bytes) == (200, 0, missing)
         proof = FileCheck(path)
         assert [len(page.rows[0][1]) for page in proof.pages()] == [200]
         assert proof.faults == [] and len([*proof.warnings, *proof.end_warnings]) == 1
@@ -177,17 +177,17 @@ def test_a_flipped_length_in_an_open_chunk_removes_nothing(tmp_path: Path) -> No
         assert path.read_bytes() == bytes(data)
 
 
-def test_what_a_kill_leaves_is_proved_up_to_the_last_flush(tmp_path: Path) -> None:
+def test_what_a_kill_leaves_is_verified_up_to_the_last_flush(tmp_path: Path) -> None:
     """The head of an open chunk has a checksum: an altered message is found, not sealed."""
     path = tmp_path / "a.mcap"
     whole = write_synced(path, messages=330, every=10**6)
     closed = close_unfinished(path)
-    assert closed and (closed.messages, closed.unproved) == (330, 0)
+    assert closed and (closed.messages, closed.unverified) == (330, 0)
     data = bytearray(whole)
     data[data.index(bytes([7]) * 20) + 3] ^= 1
     path.write_bytes(data)
     closed = close_unfinished(path)
-    assert closed and closed.unproved == 330 and closed.unproved_ns == 0  # never synced
+    assert closed and closed.unverified == 330 and closed.unverified_ns == 0  # never synced
 
 
 def test_a_kill_while_a_file_is_begun_is_no_damage(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def check(original: Original, damaged: bytes, damage: Span, folder: Path) -> Non
 def test_a_whole_file_is_copied_whole(original: Original, tmp_path: Path) -> None:
     found, report = recover(original.data, tmp_path)
     assert found == original.messages
-    assert report.complete and report.matches_summary and not report.damages and not report.unproved
+    assert report.complete and report.matches_summary and not report.damages and not report.unverified
 
 
 def test_random_bit_flips(original: Original, tmp_path: Path, scale: int) -> None:
@@ -102,11 +102,11 @@ def test_a_killed_file_cut_off_at_every_byte_gives_its_whole_records(tmp_path: P
         assert found == whole[: len(found)]
         assert len(found) >= len(messages)
         messages = found
-        assert report.chunks or report.unproved == len(found)
+        assert report.chunks or report.unverified == len(found)
 
 
 @hypothesis.given(st.data())
-def test_nothing_proved_is_invented_however_much_is_damaged(
+def test_nothing_verified_is_invented_however_much_is_damaged(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     """Several flips, holes and cuts at once."""
@@ -118,7 +118,7 @@ def test_nothing_proved_is_invented_however_much_is_damaged(
         filling = data.draw(st.sampled_from([b"", bytes(size), b"\xff" * size, bytes(damaged[:size])]))
         damaged[at : at + size] = filling
     found, report = recover(bytes(damaged), folder)
-    if not report.unproved:
+    if not report.unverified:
         assert [m for m in found if m not in original] == []
 
 
@@ -220,7 +220,7 @@ def test_a_hole_in_the_open_chunk_costs_the_message_before_it(tmp_path: Path) ->
     messages = read_stream(data)
     for begin in range(2100, 2160):
         found, report = recover(data[:begin] + bytes(300) + data[begin + 300 :], tmp_path)
-        assert found == messages[: len(found)] and report.unproved == len(found) >= (begin - 1300) // 51
+        assert found == messages[: len(found)] and report.unverified == len(found) >= (begin - 1300) // 51
         assert report.damages
 
 
@@ -248,7 +248,7 @@ def test_messages_outside_of_chunks_are_taken_up_to_the_damage(tmp_path: Path) -
     data = (tmp_path / "bare.mcap").read_bytes()
     messages = read_stream(data)
     found, report = recover(data, tmp_path)
-    assert found == messages and report.complete and report.unproved == 50
+    assert found == messages and report.complete and report.unverified == 50
     at = data.index(records.MESSAGE.pack(Op.MESSAGE, 42, channel, 18, 18, 18))
     found, report = recover(data[:at] + b"\xff" * 9 + data[at + 9 :], tmp_path)
     assert found == messages[:17]  # the damage may begin in the one before
@@ -282,14 +282,14 @@ def test_what_is_missing_is_reported(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("place", [52, 90, 400, 690, 33])  # the first byte of the records, others, one of the checksum
 def test_one_flipped_bit_is_corrected_and_reported(tmp_path: Path, place: int) -> None:
-    """The chunk is there, but not as proved, nor the file as complete."""
+    """The chunk is there, but not as verified, nor the file as complete."""
     original = Original(write_own(tmp_path / "whole.mcap"))
     (begin, _), held = original.chunks[2]
     data = bytearray(original.data)
     data[begin + place] ^= 16
     found, report = recover(bytes(data), tmp_path)
     assert found == original.messages
-    assert (report.unproved, report.missing_messages, report.damages) == (len(held), 0, [])
+    assert (report.unverified, report.missing_messages, report.damages) == (len(held), 0, [])
     assert report.flipped == [begin + (33 if place == 33 else place)]
     assert not report.complete
     data[begin + 150] ^= 1
@@ -378,4 +378,4 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     (tmp_path / "a_000.mcap").write_bytes(whole[:at] + bytes([whole[at] ^ 2]) + whole[at + 1 :])
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--out", str(tmp_path / "d")]) == 3
     lines = capsys.readouterr().out
-    assert f"a bit of byte {at} was flipped back" in lines and "nothing is missing; not everything is proved" in lines
+    assert f"a bit of byte {at} was flipped back" in lines and "nothing is missing; not everything is verified" in lines

@@ -71,7 +71,7 @@ def whole(parent: Path) -> Whole:
 NO_LEDGER = "no ledger in these files: complete reception cannot be verified"
 
 
-def proved(folder: SessionFolder) -> VerifyReport:
+def report_on(folder: SessionFolder) -> VerifyReport:
     return verify(Recording.open(folder.path))
 
 
@@ -79,7 +79,7 @@ def once(parent: Path, **keys: Any) -> VerifyReport:
     """Make a session, prove it, remove it."""
     folder = make(SessionFolder.create(parent, "once", STARTED), FRAMES, **keys)
     try:
-        return proved(folder)
+        return report_on(folder)
     finally:
         shutil.rmtree(folder.path)
 
@@ -95,7 +95,7 @@ def check(report: VerifyReport, name: str) -> tuple[CheckVerdict, list[str]]:
 
 def test_a_whole_session_holds(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     make(folder)
-    report = proved(folder)
+    report = report_on(folder)
     assert report.findings == [] and report.verdict is CheckVerdict.OK
     assert {c.verdict for c in report.checks} == {CheckVerdict.OK}
     assert (report.numbered, report.missing, report.files, report.ledgers) == (FRAMES, 0, 3, 11)
@@ -127,7 +127,7 @@ def test_a_copy_of_a_recovery_is_not_whole_where_a_checksum_did_not_hold(folder:
 
 def test_accounts_are_made_again_from_the_frames(folder: SessionFolder) -> None:
     make(folder, socket=4)
-    account = next(a for a in proved(folder).accounts if a.topic == "/raw/ins")
+    account = next(a for a in report_on(folder).accounts if a.topic == "/raw/ins")
     frames = [seq for seq in range(FRAMES) if TURN[seq % len(TURN)] == "/raw/ins"]
     assert account.recorded == (len(frames), sum(6 + seq % 7 for seq in frames))
     assert account.incoming.frames == len(frames) + 4
@@ -144,7 +144,7 @@ def test_frames_that_are_held_at_a_ledger_and_written_later_are_there(parent: Pa
     assert once(parent, late=waiting).findings == []
 
 
-def test_a_single_file_is_proved_as_far_as_it_goes(folder: SessionFolder) -> None:
+def test_a_single_file_is_verified_as_far_as_it_goes(folder: SessionFolder) -> None:
     make(folder)
     for path in folder.files("raw"):
         report = verify(Recording.open(path))
@@ -159,17 +159,17 @@ def test_what_navigation_lost_is_reported(folder: SessionFolder) -> None:
     log = DerivedLog(folder, LogSettings(split_s=300, split_mb=100))
     log.write_table("/fti/gap", STARTED, {"t_ns": STARTED, "text": "17 frames were overwritten"})
     log.close()
-    report = proved(folder)
+    report = report_on(folder)
     assert report.holds
     assert check(report, "gaps") == (CheckVerdict.NOTE, ["03:04:05.000: 17 frames were overwritten"])
 
 
-def test_without_a_ledger_only_the_sequence_is_proved(folder: SessionFolder) -> None:
+def test_without_a_ledger_only_the_sequence_is_verified(folder: SessionFolder) -> None:
     log = open_log(folder)
     for seq in range(10):
         log.write_tick(seq, time_of(seq))
     log.close()
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.LOSS and report.findings == [NO_LEDGER]
 
 
@@ -178,7 +178,7 @@ def test_a_time_without_ticks_is_reported(folder: SessionFolder) -> None:
     for seq, t_s in enumerate((0.0, 0.02, 2.5, 2.52)):
         log.write_tick(seq, STARTED + round(t_s * 1e9))
     log.close()
-    assert check(proved(folder), "ticks") == (CheckVerdict.NOTE, ["none for 2.48 s from 03:04:05.020 on"])
+    assert check(report_on(folder), "ticks") == (CheckVerdict.NOTE, ["none for 2.48 s from 03:04:05.020 on"])
 
 
 def test_numbers_in_two_files_count_once(folder: SessionFolder) -> None:
@@ -189,7 +189,7 @@ def test_numbers_in_two_files_count_once(folder: SessionFolder) -> None:
     for seq in range(94, 100):
         recorder.write(seq)
     recorder.run(100).end()
-    report = proved(folder)
+    report = report_on(folder)
     assert check(report, "sequence")[0] is CheckVerdict.NOTE
     assert "6 numbers occur in two files" in check(report, "sequence")[1][0]
     assert check(report, "ledger")[0] is CheckVerdict.OK
@@ -204,7 +204,7 @@ def test_ledgers_that_stand_on_two_media_count_once(folder: SessionFolder) -> No
     for note in [*notes]:
         recorder.log.write_json("/fti/ledger", note["t_ns"], note)
     recorder.run(100).end()
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.OK, report.findings
     assert report.ledgers == 5
 
@@ -218,7 +218,7 @@ def often(folder: SessionFolder, **keys: Any) -> list[tuple[int, bytes]]:
 def test_what_a_ledger_leaves_out_is_under_proof_too(folder: SessionFolder) -> None:
     ledgers = often(folder)
     assert sum(len(json.loads(data)["links"]) < 3 for _, data in ledgers) > 200
-    report = proved(folder)
+    report = report_on(folder)
     assert (report.verdict, report.ledgers) == (CheckVerdict.OK, len(ledgers)), report.findings
     for path in folder.files("raw"):
         assert verify(Recording.open(path)).holds
@@ -229,7 +229,7 @@ def test_what_a_ledger_leaves_out_is_under_proof_too(folder: SessionFolder) -> N
 def test_a_frame_that_is_taken_away_is_found_though_ledgers_leave_out_its_link(parent: Path, removed: int) -> None:
     folder = SessionFolder.create(parent, "often", STARTED)
     often(folder, removed=[removed])
-    report = proved(folder)
+    report = report_on(folder)
     shutil.rmtree(folder.path)
     assert (report.verdict, report.missing) == (CheckVerdict.REFUTED, 1)
 
@@ -259,7 +259,7 @@ def test_ledgers_of_a_failed_medium_count_once_though_the_next_file_begins_with_
     for note in notes[-5:]:
         recorder.log.write_json("/fti/ledger", note["t_ns"], note)
     recorder.run(100, ledger_every=2).end()
-    report = proved(folder)
+    report = report_on(folder)
     assert (report.verdict, report.ledgers) == (CheckVerdict.OK, 101), report.findings
 
 
@@ -299,7 +299,7 @@ def test_frames_that_are_taken_away_are_found(parent: Path, removed: set[int]) -
 
 @given(which=st.integers(0, 10), choice=st.integers(0, 10**6), by=st.integers(-5, 10**6).filter(bool))
 @settings(max_examples=40 * SCALE)
-def test_every_number_of_a_ledger_is_proved(parent: Path, which: int, choice: int, by: int) -> None:
+def test_every_number_of_a_ledger_is_verified(parent: Path, which: int, choice: int, by: int) -> None:
     changed = []
 
     def doctor(index: int, note: dict[str, Any]) -> None:
@@ -342,7 +342,7 @@ def test_every_cut_is_found(whole: Whole, file: int, place: float) -> None:
 def test_a_file_that_is_missing_is_named(folder: SessionFolder) -> None:
     make(folder)
     folder.files("raw")[1].unlink()
-    report = proved(folder)
+    report = report_on(folder)
     assert check(report, "splits") == (CheckVerdict.REFUTED, ["raw files 1 are missing"])
     assert check(report, "sequence")[0] is CheckVerdict.REFUTED
     assert main(["verify", str(folder.path)]) == 1
@@ -353,7 +353,7 @@ def test_missing_numbers_are_named(folder: SessionFolder) -> None:
     for seq in (*range(1, 10), *range(12, 20), *range(21, 30)):
         log.write_frame("ins", seq, STARTED + seq, b"x")
     log.close()
-    report = proved(folder)
+    report = report_on(folder)
     assert report.missing == 4
     assert "4 numbers are missing: 0, 10-11, 20 " in report.findings[0]
     assert "no ledger accounts for them" in report.findings[0]
@@ -364,7 +364,7 @@ def test_a_number_that_stands_twice_is_reported(folder: SessionFolder) -> None:
     for seq in (0, 1, 1, 2):
         log.write_frame("ins", seq, STARTED + seq, b"x")
     log.close()
-    assert "1 numbers occur twice in a file" in proved(folder).findings
+    assert "1 numbers occur twice in a file" in report_on(folder).findings
 
 
 def test_numbers_of_a_link_rise(folder: SessionFolder) -> None:
@@ -372,7 +372,7 @@ def test_numbers_of_a_link_rise(folder: SessionFolder) -> None:
     for seq in (0, 2, 1, 3):
         log.write_frame("ins", seq, STARTED, b"x")
     log.close()
-    assert proved(folder).findings == ["/raw/ins: the numbers do not increase 1 times", NO_LEDGER]
+    assert report_on(folder).findings == ["/raw/ins: the numbers do not increase 1 times", NO_LEDGER]
 
 
 def test_time_runs_forward_on_each_link(folder: SessionFolder) -> None:
@@ -380,7 +380,7 @@ def test_time_runs_forward_on_each_link(folder: SessionFolder) -> None:
     for seq, (link, ms) in enumerate([("ins", 10.0), ("radar", 5.0), ("ins", 9.5), ("radar", 6.0), ("ins", 5.0)]):
         log.write_frame(link, seq, STARTED + round(ms * 1e6), b"x")  # two clock readings explain 0.5 ms back, not 4.5
     log.close()
-    assert proved(folder).findings == ["/raw/ins: the time goes back 1 times", NO_LEDGER]
+    assert report_on(folder).findings == ["/raw/ins: the time goes back 1 times", NO_LEDGER]
 
 
 def test_error_frames_are_counted_again(folder: SessionFolder) -> None:
@@ -388,7 +388,7 @@ def test_error_frames_are_counted_again(folder: SessionFolder) -> None:
         note["links"]["bus"]["errors"]["can_error_frames"] += note["final"]
 
     make(folder, doctor=doctor)
-    assert check(proved(folder), "ledger") == (
+    assert check(report_on(folder), "ledger") == (
         CheckVerdict.REFUTED, ["/raw/bus: 17 error frames, the ledger states 18"],
     )  # fmt: skip
 
@@ -396,18 +396,18 @@ def test_error_frames_are_counted_again(folder: SessionFolder) -> None:
 @pytest.mark.parametrize("count", [0, 1000])
 def test_line_errors_do_not_become_fewer(folder: SessionFolder, count: int) -> None:
     make(folder, doctor=lambda i, note: i == 3 and note["links"]["bus"]["errors"].update(can_rx_overflow=count))
-    assert any("counts less than an earlier one" in text for text in check(proved(folder), "ledger")[1])
+    assert any("counts less than an earlier one" in text for text in check(report_on(folder), "ledger")[1])
 
 
 def test_a_ledger_that_is_none_is_reported(folder: SessionFolder) -> None:
     make(folder, doctor=lambda index, note: note.pop("ticks") if index == 3 else None)
-    assert proved(folder).findings == ["1 ledgers cannot be read"]
+    assert report_on(folder).findings == ["1 ledgers cannot be read"]
 
 
 @pytest.mark.parametrize("spoil", [{"t_ns": 10**30}, {"next_seq": 2**64}, {"links": []}])
 def test_a_ledger_of_impossible_numbers_is_reported(folder: SessionFolder, spoil: Table) -> None:
     make(folder, doctor=lambda index, note: note.update(spoil) if index == 3 else None)
-    assert proved(folder).findings == ["1 ledgers cannot be read"]
+    assert report_on(folder).findings == ["1 ledgers cannot be read"]
 
 
 @pytest.mark.parametrize("spoil", [b'{"kind": "buffer_overflow", "link": "a", "first_seq": 1e999}', b"[" * 100_000])
@@ -424,7 +424,7 @@ def test_a_note_of_a_gap_that_says_nothing_is_reported(spoil: bytes) -> None:
 
 def test_dropped_frames_are_a_loss_with_its_reason(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     make(folder, lost=range(100, 112), socket=2)
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.LOSS
     assert "12 numbers are missing: 100-111 " in report.findings[0]
     assert "/raw/radar: 2 frames (23 bytes) were dropped: buffer_overflow" in report.findings
@@ -450,7 +450,7 @@ def _refusing(per_ledger: int) -> Callable[[int, Table], None]:
 def test_refused_stamps_are_a_loss_and_those_of_several_recorders_are_added(folder: SessionFolder) -> None:
     Recorder(open_log(folder), 0, doctor=_refusing(10)).run(200).end()  # five ledgers
     Recorder(open_log(folder), 200, doctor=_refusing(1)).run(100).end()  # three
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.LOSS
     verdict, lines = check(report, "stamps")
     assert verdict is CheckVerdict.LOSS
@@ -472,7 +472,7 @@ def test_notes_of_gaps_must_fit_the_holes(folder: SessionFolder, frames: int, ve
     about = {"t_ns": time_of(112), "kind": "buffer_overflow", "link": "ins", "frames": frames, "bytes": 0}
     recorder.log.write_json("/fti/gap", time_of(112), {**about, **span, "text": "dropped"})
     recorder.end()
-    report = proved(folder)
+    report = report_on(folder)
     assert check(report, "gaps")[0] is verdict
     assert "notes of gaps for 12" in check(report, "sequence")[1][0]
 
@@ -485,7 +485,7 @@ def kill_and_go_on(folder: SessionFolder, held: tuple[int, ...], again: int) -> 
 
 def test_what_a_killed_recorder_received_and_never_wrote_is_reported(folder: SessionFolder) -> None:
     kill_and_go_on(folder, held=(215, 218, 219), again=222)
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.LOSS and report.missing == 5
     assert check(report, "sequence")[1] == [
         "5 numbers are missing: 215, 218-221 (03:04:07.140 to 03:04:07.220); they were received and never written"
@@ -497,22 +497,22 @@ def test_what_a_killed_recorder_received_and_never_wrote_is_reported(folder: Ses
 
 def test_a_seam_without_a_hole_is_reported(folder: SessionFolder) -> None:
     kill_and_go_on(folder, held=(), again=220)
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.LOSS and report.missing == 0
     assert check(report, "sequence")[0] is check(report, "ledger")[0] is CheckVerdict.OK
     assert "it assigned 20 more numbers, none is missing" in check(report, "recorders")[1][0]
 
 
-def test_frames_that_a_killed_recorder_had_written_are_proved_to_its_last_ledger(folder: SessionFolder) -> None:
+def test_frames_that_a_killed_recorder_had_written_are_verified_to_its_last_ledger(folder: SessionFolder) -> None:
     Recorder(open_log(folder), 0, removed=[150]).run(220).kill()
     Recorder(open_log(folder), 220).run(100).end()
-    assert proved(folder).verdict is CheckVerdict.REFUTED
+    assert report_on(folder).verdict is CheckVerdict.REFUTED
 
 
 def test_accounts_of_several_recorders_are_added(folder: SessionFolder) -> None:
     Recorder(open_log(folder), 0, socket=5).run(220).kill()
     Recorder(open_log(folder), 220, socket=7, lost=range(300, 306)).run(100).end()
-    account = next(a for a in proved(folder).accounts if a.topic == "/raw/ins")
+    account = next(a for a in report_on(folder).accounts if a.topic == "/raw/ins")
     assert account.dropped == {"socket_queue": (12, 0), "buffer_overflow": (2, 20)}
     assert account.incoming.frames == 107 + 12
 
@@ -525,7 +525,7 @@ def test_a_power_cut_is_reported_before_and_after_the_repair(
     assert main(["verify", str(folder.path)]) == 3
     assert f"{path.name}: ends after byte" in capsys.readouterr().out
     assert main(["recover", str(folder.path), "--in-place"]) == 3
-    assert "not proved complete" in capsys.readouterr().out
+    assert "not verified to be complete" in capsys.readouterr().out
     assert main(["verify", str(folder.path)]) == 3
     text = capsys.readouterr().out
     assert "ends after byte" not in text
@@ -534,22 +534,22 @@ def test_a_power_cut_is_reported_before_and_after_the_repair(
 
 def test_what_the_medium_took_no_more_is_a_loss_of_the_end(folder: SessionFolder) -> None:
     make(folder, held=range(490, 500))
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.LOSS and report.missing == 10
     assert "/raw/ins: 3 frames (26 bytes) were dropped: storage" in report.findings
 
 
 def test_a_session_that_is_being_recorded_is_reported(folder: SessionFolder) -> None:
     recorder = Recorder(open_log(folder), 0).run(230)
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.LOSS
     assert f"{folder.files('raw')[-1].name}: is being written" in report.findings
     assert "the session is being recorded" in check(report, "recorders")[1][0]
     recorder.end()
-    assert proved(folder).holds
+    assert report_on(folder).holds
 
 
-def test_a_file_that_grows_while_it_is_proved_is_not_refuted(
+def test_a_file_that_grows_while_it_is_verified_is_not_refuted(
     folder: SessionFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between this program's look and the official reader's, and between two looks at the head of the open chunk."""
@@ -562,7 +562,7 @@ def test_a_file_that_grows_while_it_is_proved_is_not_refuted(
             stream_read(*args, **keys)
 
         patch.setattr(StreamReader, "__init__", late)
-        report = proved(folder)
+        report = report_on(folder)
         assert report.verdict is CheckVerdict.LOSS, report.findings
     with monkeypatch.context() as patch:
 
@@ -571,10 +571,10 @@ def test_a_file_that_grows_while_it_is_proved_is_not_refuted(
             return chunk_head(source, at)
 
         patch.setattr(proof_file, "chunk_head", patched)
-        report = proved(folder)
+        report = report_on(folder)
         assert report.verdict is CheckVerdict.LOSS, report.findings
     recorder.end()
-    assert proved(folder).holds
+    assert report_on(folder).holds
 
 
 # ---------------------------------------------------------------------------------------------------------- snapshots
@@ -594,7 +594,7 @@ def snapshot(folder: SessionFolder, seqs: Iterable[int], spoil: int | None = Non
 def test_snapshots_are_copies(folder: SessionFolder) -> None:
     make(folder)
     snapshot(folder, range(150, 350))
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.OK, report.findings
     text = next(c for c in report.checks if c.name == "snapshots").text
     assert text == "1 files with 200 numbered messages; 200 are in raw files too, identical"
@@ -603,10 +603,10 @@ def test_snapshots_are_copies(folder: SessionFolder) -> None:
 def test_a_snapshot_that_differs_is_refuted(folder: SessionFolder) -> None:
     make(folder)
     snapshot(folder, range(150, 350), spoil=201)
-    assert proved(folder).findings == ["1 messages differ from the raw files"]
+    assert report_on(folder).findings == ["1 messages differ from the raw files"]
 
 
-def test_a_snapshot_alone_is_proved_as_far_as_it_goes(folder: SessionFolder, tmp_path: Path) -> None:
+def test_a_snapshot_alone_is_verified_as_far_as_it_goes(folder: SessionFolder, tmp_path: Path) -> None:
     """Also under another name, and of frames that stand twice."""
     make(folder)
     snapshot(folder, range(150, 350))
@@ -625,14 +625,14 @@ def test_a_raw_file_of_mode_snapshot_alone_is_not_refuted(folder: SessionFolder,
     log = open_log(folder, metadata={"fti": {"mode": "snapshot"}})
     Recorder(log, 0, removed=frames).run(100).end()
     snapshot(folder, frames, metadata={"fti": {"mode": "snapshot"}})
-    report = proved(folder)
+    report = report_on(folder)
     assert report.verdict is CheckVerdict.OK, report.findings
     assert "SNAPSHOT" in check(report, "snapshots")[1][0]
     report = verify(Recording.open(folder.files("raw")[0]))
     assert report.verdict is CheckVerdict.OK, report.findings
     assert "SNAPSHOT" in check(report, "snapshots")[1][0]
     folder.files("snapshot")[0].unlink()
-    assert proved(folder).verdict is CheckVerdict.REFUTED
+    assert report_on(folder).verdict is CheckVerdict.REFUTED
 
 
 def test_a_session_without_its_raw_files_is_not_whole(folder: SessionFolder) -> None:
@@ -641,7 +641,7 @@ def test_a_session_without_its_raw_files_is_not_whole(folder: SessionFolder) -> 
         log = DerivedLog(folder, LogSettings(split_s=2, split_mb=100, metadata=metadata))
         log.write_table("/fti/gap", STARTED, {"t_ns": STARTED, "text": "late"})
         log.close()
-        report = proved(folder)
+        report = report_on(folder)
         assert report.verdict is verdict, report.findings
         folder.files("derived")[0].unlink()
 
@@ -652,4 +652,4 @@ def test_missing_derived_files_are_named_without_raw_ones_too(folder: SessionFol
         log.write_table("/fti/gap", STARTED, {"t_ns": STARTED, "text": "late"})
         log.close()
     folder.files("derived")[1].unlink()
-    assert "derived files 1 are missing" in proved(folder).findings
+    assert "derived files 1 are missing" in report_on(folder).findings
