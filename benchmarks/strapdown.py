@@ -34,7 +34,7 @@ from fti.hil.sensors.free_inertial import true_motion
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.inertial.strapdown import Motion, integrate
 from fti.nav.inertial.strapdown_fast import integrate_fast
-from fti.study._closure import Integrator
+from fti.study.trajectory.experiment import Integrator
 
 try:
     import pandas as pd

@@ -1,4 +1,4 @@
-"""The layers hold; the recorder imports no heavy module and no decoder."""
+"""The layers hold; the recorder imports no heavy module and no decoder; studies depend in one direction."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from fti import study
 from tests.helpers import ROOT
 
 #: Modules that the recorder may import.
@@ -20,8 +21,10 @@ HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "foxglove", 
 HEAVY += ["pyarrow"]
 UNDERSTANDING = ["fti.drivers", "fti.formats", "fti.nav", "fti.ranging", "fti.terrain", "fti.web", "fti.bus", "fti.hil"]
 
-#: Circles in study commands and their plots remain.
-IN_PROGRESS = "fti.study."
+#: The parts of a study whose modules each part may import.  ``faults.curve`` is a command of its own.
+STUDY_PARTS = {"experiment": {"experiment"}, "judge": {"judge", "experiment"}, "plots": {"plots", "experiment"}}
+STUDY_COMMANDS = {f"fti.study.{name}" for name in [*study.names(), "faults.curve"]}
+FIGURES = {"matplotlib.axes", "matplotlib.figure"}
 
 SHOW_MODULES = (
     "import importlib, json, sys; importlib.import_module(sys.argv[1]); print(json.dumps(sorted(sys.modules)))"
@@ -92,7 +95,25 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     """A circle has no first module to read, and none of its modules can be used or moved alone."""
     sources = {module_name(source): source for source in (ROOT / "fti").rglob("*.py")}
     found = circles({name: imported_modules(name, source, sources) for name, source in sources.items()})
-    assert [group for group in found if not group[0].startswith(IN_PROGRESS)] == []
+    assert found == []
+
+
+def study_part(module: str) -> str:
+    """What is neither the judge nor the plots of a study is its experiment."""
+    name = module.split(".")[3] if module.startswith("fti.study.") and module.count(".") > 2 else ""
+    return "plots" if module in FIGURES else name if name in STUDY_PARTS else "experiment"
+
+
+def test_judge_and_plots_of_a_study_import_its_experiment_and_nothing_imports_them() -> None:
+    sources = {module_name(source): source for source in (ROOT / "fti" / "study").rglob("*.py")}
+    assert {f"fti.study.{name}.{part}" for name in study.names() for part in ("experiment", "judge")} <= set(sources)
+    wrong = [
+        f"{name}: {module}"
+        for name in sorted(set(sources) - STUDY_COMMANDS - {"fti.study"})
+        for module in sorted(imported_modules(name, sources[name], {*sources, *FIGURES}))
+        if module in STUDY_COMMANDS or study_part(module) not in STUDY_PARTS[study_part(name)]
+    ]
+    assert wrong == []
 
 
 @pytest.mark.parametrize("module", [*BYTES_ONLY, "fti.service.recorder.__main__"])

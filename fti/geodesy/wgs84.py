@@ -20,6 +20,13 @@ def radii(lat: ArrayLike) -> tuple[Array, Array]:
     return r_meridian.reshape(shape), r_normal.reshape(shape)
 
 
+def displace(lat: Array, lon: Array, alt: Array, by_n: Array) -> tuple[Array, Array, Array]:
+    """lat, lon [rad] and alt [m] of points moved north, east, down (..., 3) [m], which is short against the radii."""
+    r_meridian, r_normal = radii(lat)
+    east_rad = by_n[..., 1] / ((r_normal + alt) * np.cos(lat))
+    return lat + by_n[..., 0] / (r_meridian + alt), lon + east_rad, alt - by_n[..., 2]
+
+
 def ecef_from_geodetic(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Array:
     """Earth-centred, earth-fixed position.
 

@@ -1,6 +1,13 @@
 """Studies: each reproduces a published result and compares it with a target.
 
-A study is a module or package of this package whose name does not begin with ``_``.  A study has:
+A study is a package of this package.  Its modules depend in one direction, judge -> experiment <- plots, without
+circles (tests/test_layers.py):
+
+    ``experiment``   computes, with the modules beside it; it has no targets and no figures
+    ``judge``        compares with the targets
+    ``plots``        draws
+
+The package itself is what ``fti study`` runs:
 
     docstring   first line: the result that is shown; then the source, and why the comparison is fair
     ``RUNS``    default number of runs
@@ -45,9 +52,24 @@ class StudyResult:
     target: str
     holds: bool
 
+    @classmethod
+    def reported(cls, name: str, quantity: str, value: float) -> StudyResult:
+        """A quantity that is not judged."""
+        return cls(name, quantity, value, REPORTED, holds=True)
+
+    @classmethod
+    def at_least(cls, name: str, quantity: str, value: float, minimum: float) -> StudyResult:
+        """Judged by a minimum."""
+        return cls(name, quantity, value, f">= {minimum:g}", bool(value >= minimum))
+
+    @classmethod
+    def at_most(cls, name: str, quantity: str, value: float, maximum: float) -> StudyResult:
+        """Judged by a maximum."""
+        return cls(name, quantity, value, f"<= {maximum:g}", bool(value <= maximum))
+
 
 class Study(Protocol):
-    """Interface of a study module."""
+    """Interface of a study package."""
 
     RUNS: int
     SEED: int
@@ -66,7 +88,7 @@ class PlottedStudy(Study, Protocol):
 
 def names() -> list[str]:
     """Names of all studies, sorted."""
-    return sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
+    return sorted(module.name for module in pkgutil.iter_modules(__path__) if module.ispkg)
 
 
 def load(name: str) -> Study:

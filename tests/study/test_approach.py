@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from fti.plot_style import write_figure
-from fti.study import _approach_heights, _approach_plots, _pattern, approach
-from fti.study._pattern import THRESHOLD_M, make_pattern
-from fti.study._statistics import ratio_bound, ratio_interval
+from fti.study import approach
+from fti.study.approach import experiment, heights, judge, pattern, plots
+from fti.study.approach.pattern import THRESHOLD_M, make_pattern
+from fti.study.statistics import ratio_bound, ratio_interval
 
 COARSE_S = 2.5
 
@@ -19,12 +20,12 @@ COARSE_S = 2.5
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wide antenna, and a measurement in 2.5 s."""
-    monkeypatch.setattr(approach, "ANTENNAS", {"wide": approach.ANTENNAS["wide"]})
-    monkeypatch.setattr(approach, "make_pattern", functools.partial(make_pattern, every_s=COARSE_S))
-    monkeypatch.setattr(_pattern, "CELL_M", 20.0)
-    monkeypatch.setattr(_approach_heights, "MODEL_ORDER", 8)
-    monkeypatch.setattr(_approach_plots, "FINE_S", COARSE_S)
-    monkeypatch.setattr(_approach_plots, "STEP_M", 50.0)
+    monkeypatch.setattr(experiment, "ANTENNAS", {"wide": experiment.ANTENNAS["wide"]})
+    monkeypatch.setattr(experiment, "make_pattern", functools.partial(make_pattern, every_s=COARSE_S))
+    monkeypatch.setattr(pattern, "CELL_M", 20.0)
+    monkeypatch.setattr(heights, "MODEL_ORDER", 8)
+    monkeypatch.setattr(plots, "FINE_S", COARSE_S)
+    monkeypatch.setattr(plots, "STEP_M", 50.0)
 
 
 @pytest.mark.usefixtures("small")
@@ -40,24 +41,24 @@ def test_one_pattern_holds_and_repeats_itself() -> None:
 
 
 def test_the_pattern_matches_its_description(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_pattern, "CELL_M", 50.0)
+    monkeypatch.setattr(pattern, "CELL_M", 50.0)
     for seed in range(approach.SEED, approach.SEED + 6):
-        pattern = make_pattern(seed, 1.0)
-        flight, before = pattern.flight, pattern.flight.t < pattern.flight.t[-1] - 25.0
+        flown = make_pattern(seed, 1.0)
+        flight, before = flown.flight, flown.flight.t < flown.flight.t[-1] - 25.0
         assert flight.origins_l[-1] == pytest.approx([0.0, 0.0, THRESHOLD_M], abs=40.0)
         assert np.cos(flight.heading[[0, -1]]) == pytest.approx([-1.0, 1.0], abs=1e-6)
         assert np.degrees(np.abs(flight.roll)).max() < 24.0
-        assert pattern.nadir[before].min() > 20.0
-        assert pattern.nadir.max() < 600.0  # within the altimeter's range
+        assert flown.nadir[before].min() > 20.0
+        assert flown.nadir.max() < 600.0  # within the altimeter's range
 
 
 def test_the_judge_can_say_no() -> None:
     good, bad = [(1.0, 100.0)] * 20, [(1.0, 100.0)] * 15 + [(30.0, 100.0)] * 5
-    assert approach._judge_ratio(good, "wide", "independent", 1)[0].holds
-    result = approach._judge_ratio(bad, "wide", "independent", 1)[0]
+    assert judge._judge_ratio(good, "wide", "independent", 1).holds
+    result = judge._judge_ratio(bad, "wide", "independent", 1)
     assert result.value < 0.30  # the ratio itself would pass
     assert not result.holds
-    assert approach._judge_ratio(bad, "narrow", "independent", 1)[0].holds  # reported, not judged
+    assert judge._judge_ratio(bad, "narrow", "independent", 1).holds  # reported, not judged
 
 
 def test_the_bound_is_one_sided() -> None:

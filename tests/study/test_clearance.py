@@ -12,10 +12,11 @@ from fti.hil.approach_reference.approaches import START_NS, SimulatedApproach
 from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.reference import Obstacles
 from fti.proportions import max_failures_by_chance, wilson
-from fti.study import StudyResult, _clearance, _clearance_faults, _clearance_ground, clearance
-from fti.study._clearance import LateJoin, NominalApproach
-from fti.study._clearance_faults import FAULTS, FaultyApproach, fly_faulty
-from fti.study._clearance_ground import reference, strict_reference
+from fti.study import StudyResult, clearance
+from fti.study.clearance import experiment, faults, ground, judge
+from fti.study.clearance.experiment import LateJoin, NominalApproach
+from fti.study.clearance.faults import FAULTS, FaultyApproach, fly_faulty
+from fti.study.clearance.ground import reference, strict_reference
 
 
 def by_id(results: list[StudyResult]) -> dict[str, StudyResult]:
@@ -41,9 +42,9 @@ def test_too_many_alarms_do_not_hold() -> None:
         NominalApproach(True, False, 1.0, 1.0),
         NominalApproach(True, True, 1.0, 1.0),
     )
-    assert by_id(clearance._judge_nominal([good] * 99 + [bad]))["nominal.alarms"].holds
-    assert not by_id(clearance._judge_nominal([good] * 90 + [bad] * 10))["nominal.alarms"].holds
-    six, seven = (by_id(clearance._judge_nominal([good] * (3000 - n) + [strictly] * n)) for n in (6, 7))
+    assert by_id(judge._judge_nominal([good] * 99 + [bad]))["nominal.alarms"].holds
+    assert not by_id(judge._judge_nominal([good] * 90 + [bad] * 10))["nominal.alarms"].holds
+    six, seven = (by_id(judge._judge_nominal([good] * (3000 - n) + [strictly] * n)) for n in (6, 7))
     assert six["strict.alarms"].holds
     assert not seven["strict.alarms"].holds
     assert seven["nominal.alarms"].holds
@@ -64,19 +65,17 @@ MISSED = FaultyApproach(False, False, True, math.nan, math.nan, math.nan, True)
 
 def test_a_late_alert_does_not_hold() -> None:
     late = DETECTED._replace(delay_s=2.6, size_s=2.6)
-    assert by_id(clearance._judge_detection("obstacle_75", [DETECTED] * 19 + [MISSED]))["obstacle_75.time_p95"].holds
-    assert not by_id(clearance._judge_detection("obstacle_75", [DETECTED] * 18 + [late] * 2))[
-        "obstacle_75.time_p95"
-    ].holds
-    assert by_id(clearance._judge_detection("height_10", [DETECTED] * 18 + [late] * 2))["height_10.time_p95"].holds
+    assert by_id(judge._judge_detection("obstacle_75", [DETECTED] * 19 + [MISSED]))["obstacle_75.time_p95"].holds
+    assert not by_id(judge._judge_detection("obstacle_75", [DETECTED] * 18 + [late] * 2))["obstacle_75.time_p95"].holds
+    assert by_id(judge._judge_detection("height_10", [DETECTED] * 18 + [late] * 2))["height_10.time_p95"].holds
     slow = DETECTED._replace(delay_s=8.0)
-    assert not by_id(clearance._judge_detection("height_10", [DETECTED] * 18 + [slow] * 2))["height_10.time_p95"].holds
+    assert not by_id(judge._judge_detection("height_10", [DETECTED] * 18 + [slow] * 2))["height_10.time_p95"].holds
 
 
 @pytest.mark.parametrize("missed", [2, 20])
 def test_an_alert_that_never_comes_is_late(missed: int) -> None:
     """Of 20, one may be late; if only detected faults counted, a monitor that detects less would hold."""
-    results = by_id(clearance._judge_detection("along_60", [DETECTED] * (20 - missed) + [MISSED] * missed))
+    results = by_id(judge._judge_detection("along_60", [DETECTED] * (20 - missed) + [MISSED] * missed))
     assert (results["along_60.time_p95"].value, results["along_60.time_p95"].holds) == (math.inf, False)
     assert results["along_60.time_p50"].value == (0.5 if missed == 2 else math.inf)
     assert results["along_60.misled"].value == missed / 20
@@ -86,16 +85,16 @@ def test_an_alert_that_never_comes_is_late(missed: int) -> None:
 def test_a_time_across_the_track_is_promised_where_a_shift_is_observable(name: str, has_time_everywhere: bool) -> None:
     """Like detection; an error of the height is observable over any ground."""
     hidden = DETECTED._replace(observable=False, delay_s=9.0, warned_s=9.0)
-    results = by_id(clearance._judge_detection(name, [DETECTED] * 20 + [hidden] * 20))
+    results = by_id(judge._judge_detection(name, [DETECTED] * 20 + [hidden] * 20))
     names = {key for key, result in results.items() if ".time_p95" in key and result.target == "<= 7.7 s"}
     assert names == {f"{name}.time_p95" if has_time_everywhere else f"{name}.observable.time_p95"}
     assert all(results[key].holds is not has_time_everywhere for key in names)
     assert (results[f"{name}.misled"].value, results[f"{name}.not_observable.misled"].value) == (0.5, 1.0)
     late = by_id(
-        clearance._judge_detection(name, [DETECTED._replace(delay_s=9.0)] * 20 + [hidden._replace(delay_s=0.5)] * 20)
+        judge._judge_detection(name, [DETECTED._replace(delay_s=9.0)] * 20 + [hidden._replace(delay_s=0.5)] * 20)
     )
     assert not all(late[key].holds for key in names)
-    unseen = by_id(clearance._judge_detection(name, [hidden] * 20))
+    unseen = by_id(judge._judge_detection(name, [hidden] * 20))
     assert [r.holds for r in unseen.values() if r.target == "<= 7.7 s"] == [False] * has_time_everywhere
 
 
@@ -120,7 +119,7 @@ PROMISED = DETECTED._replace(is_promised=True)
 def test_detection_is_checked_where_it_is_claimed(
     name: str, approaches: list[FaultyApproach], value: float | None
 ) -> None:
-    results = by_id(clearance._judge_detection(name, approaches))
+    results = by_id(judge._judge_detection(name, approaches))
     if value is None:
         assert f"{name}.detected" not in results
     else:
@@ -138,18 +137,18 @@ def test_a_promise_is_that_of_the_reference_at_the_place(monkeypatch: pytest.Mon
     )  # fmt: skip
     header = reference().header.model_copy(update={"obstacles": table})
     known = dataclasses.replace(reference(), header=header)
-    monkeypatch.setattr(_clearance_ground, "reference", lambda: known)
+    monkeypatch.setattr(ground, "reference", lambda: known)
     kinds = ("obstacle_30", "obstacle_60", "obstacle_75", "obstacle_150")
-    near, middle, far = ([_clearance_ground.promises(kind, place) for kind in kinds] for place in (0, 1, 4))
+    near, middle, far = ([ground.promises(kind, place) for kind in kinds] for place in (0, 1, 4))
     assert (near, middle, far) == ([False, True, True, True], [False, True, True, False], [False, False, True, True])
 
 
 def test_an_error_below_its_alert_limit_has_a_time_from_its_size_only() -> None:
     below = DETECTED._replace(over=False, delay_s=math.nan, size_s=13.0)
-    results = by_id(clearance._judge_detection("lateral_50", [below] * 4))
+    results = by_id(judge._judge_detection("lateral_50", [below] * 4))
     assert (results["lateral_50.over"].value, results["lateral_50.size_p95"].value) == (0, 13.0)
     assert "lateral_50.time_p95" not in results
-    mixed = by_id(clearance._judge_detection("height_10", [below, below, DETECTED, DETECTED]))
+    mixed = by_id(judge._judge_detection("height_10", [below, below, DETECTED, DETECTED]))
     assert (mixed["height_10.over"].value, mixed["height_10.time_p95"].value) == (2, 0.5)
 
 
@@ -159,7 +158,7 @@ def test_times_and_detection_are_split_by_what_is_observable() -> None:
         + [MISSED._replace(observable=False)] * 2
         + [DETECTED._replace(observable=False, delay_s=3.0)] * 2
     )
-    results = by_id(clearance._judge_detection("along_60", approaches))
+    results = by_id(judge._judge_detection("along_60", approaches))
     parts = ("", ".observable", ".not_observable")
     assert [results[f"along_60{part}.pd"].value for part in parts] == [0.8, 1.0, 0.5]
     assert [results[f"along_60{part}.time_p50"].value for part in parts] == [0.5, 0.5, 3.0]
@@ -168,7 +167,7 @@ def test_times_and_detection_are_split_by_what_is_observable() -> None:
 def test_who_is_trusted_over_the_limit_for_longer_than_it_takes_is_misled() -> None:
     """Neither ALERT nor anything else within 7.7 s; UNAVAILABLE without an ALERT does not mislead."""
     approaches = [DETECTED, MISSED, DETECTED._replace(warned_s=9.0), MISSED._replace(warned_s=0.2)]
-    assert by_id(clearance._judge_detection("along_60", approaches))["along_60.misled"].value == 0.5
+    assert by_id(judge._judge_detection("along_60", approaches))["along_60.misled"].value == 0.5
 
 
 @pytest.mark.parametrize(
@@ -220,19 +219,17 @@ def test_times_begin_where_the_fault_is_over_its_limit_and_not_where_it_begins(m
         for k, state in sorted(states.items())
     ]
     monkeypatch.setattr(
-        _clearance_faults,
+        faults,
         "fly_with_fault",
         lambda *arguments: (*FAULTS["along_60"].change(flight, 3000.0, 1.0), 3000.0),
     )
-    monkeypatch.setattr(_clearance_faults, "run_monitor", lambda *arguments: outputs)
+    monkeypatch.setattr(faults, "run_monitor", lambda *arguments: outputs)
     faulty_approach = fly_faulty(("along_60", 1, 1))
     assert (faulty_approach.detected, faulty_approach.over, faulty_approach.observable) == (True, True, True)
     assert faulty_approach.delay_s == pytest.approx(23.0 - (4190.0 - 3050.0) / 60.0)
     assert faulty_approach.size_s == pytest.approx(23.0 - (4190.0 - 3000.0) / 60.0, abs=0.02)
     assert faulty_approach.warned_s == pytest.approx(21.0 - (4190.0 - 3050.0) / 60.0)
-    monkeypatch.setattr(
-        _clearance_faults, "fly_with_fault", lambda *arguments: (flight, np.full_like(flight.s, 0.9), 3000.0)
-    )
+    monkeypatch.setattr(faults, "fly_with_fault", lambda *arguments: (flight, np.full_like(flight.s, 0.9), 3000.0))
     faulty_approach = fly_faulty(("along_60", 1, 1))
     assert (
         faulty_approach.detected,
@@ -261,14 +258,12 @@ def test_an_alert_that_ends_before_the_error_does_is_reported(
         for k in range(1, 30)
     ]  # fmt: skip
     flight = level(np.arange(4190.0, 2000.0, -1.0))
-    monkeypatch.setattr(
-        _clearance_faults, "fly_with_fault", lambda *arguments: (flight, np.full_like(flight.s, 1.1), 3000.0)
-    )
-    monkeypatch.setattr(_clearance_faults, "run_monitor", lambda *arguments: outputs)
+    monkeypatch.setattr(faults, "fly_with_fault", lambda *arguments: (flight, np.full_like(flight.s, 1.1), 3000.0))
+    monkeypatch.setattr(faults, "run_monitor", lambda *arguments: outputs)
     faulty_approach = fly_faulty(("along_60", 1, 1))
     assert faulty_approach.trusted_again is trusted_again
     results = by_id(
-        clearance._judge_detection("along_60", [faulty_approach, faulty_approach._replace(trusted_again=False)])
+        judge._judge_detection("along_60", [faulty_approach, faulty_approach._replace(trusted_again=False)])
     )
     assert results["along_60.again"].value == trusted_again / 2
 
@@ -282,10 +277,10 @@ def level(s: np.ndarray) -> SimulatedApproach:
 def test_an_approach_that_was_trusted_off_the_track_does_not_hold() -> None:
     assert all(
         result.holds
-        for result in clearance._judge_late_joins([LateJoin(False, False, 150.0), LateJoin(False, True, 1050.0)])
+        for result in judge._judge_late_joins([LateJoin(False, False, 150.0), LateJoin(False, True, 1050.0)])
     )
-    assert not by_id(clearance._judge_late_joins([LateJoin(True, False, -50.0)]))["T14.before"].holds
-    assert not by_id(clearance._judge_late_joins([LateJoin(False, False, math.nan)]))["T14.behind"].holds
+    assert not by_id(judge._judge_late_joins([LateJoin(True, False, -50.0)]))["T14.before"].holds
+    assert not by_id(judge._judge_late_joins([LateJoin(False, False, math.nan)]))["T14.behind"].holds
 
 
 @pytest.mark.parametrize(
@@ -296,7 +291,7 @@ def test_who_had_no_alert_is_trusted_within_300_m_and_who_had_one_within_1100(
     alerted: bool, join_distance: float, holds: bool
 ) -> None:
     """400 m were within the limit of both groups while they were one."""
-    (result,) = clearance._judge_late_joins([LateJoin(False, alerted, join_distance)])[1:]
+    (result,) = judge._judge_late_joins([LateJoin(False, alerted, join_distance)])[1:]
     assert (result.id, result.holds) == ("T14.behind_alert" if alerted else "T14.behind", holds)
 
 
@@ -313,7 +308,7 @@ def test_a_late_join_counts_the_outputs_until_it_was_trusted(
     states: dict[float, str], expected: tuple[bool, bool, float]
 ) -> None:
     """The track is joined 2490.8 m before the intercept point, which lies 290.8 m behind the threshold."""
-    late_join = _clearance.judge_late_join([output_at(s, IntegrityState(state)) for s, state in states.items()])
+    late_join = experiment.judge_late_join([output_at(s, IntegrityState(state)) for s, state in states.items()])
     assert late_join == pytest.approx(LateJoin(*expected), abs=0.1, nan_ok=True)
 
 
@@ -324,8 +319,8 @@ def output_at(s: float, state: IntegrityState) -> ClearanceIntegrity:
 def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> None:
     """10 nominal approaches and two with some of the faults; the same seed gives the same."""
     some = ("obstacle_150", "along_60", "wrong_reference")
-    monkeypatch.setattr(clearance, "FAULTS", {name: FAULTS[name] for name in some})
-    monkeypatch.setattr(_clearance_ground, "VEGETATION", (0.85,))
+    monkeypatch.setattr(experiment, "FAULTS", {name: FAULTS[name] for name in some})
+    monkeypatch.setattr(ground, "VEGETATION", (0.85,))
     monkeypatch.setattr(parallel_runs, "LOCAL_LIMIT_S", math.inf)  # each process would make its own map of the ground
     shares: list[float] = []
     results = by_id(clearance.study(10, 5, shares.append))
@@ -342,4 +337,4 @@ def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> Non
     assert results["T14.before"].holds
     assert all(result.holds for name, result in results.items() if name.startswith("T14.behind"))
     assert shares[-1] == pytest.approx(1.0)
-    assert _clearance.fly_nominal((5, 3)) == _clearance.fly_nominal((5, 3))
+    assert experiment.fly_nominal((5, 3)) == experiment.fly_nominal((5, 3))

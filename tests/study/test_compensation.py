@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from fti.plot_style import write_figure
-from fti.study import _low_level, compensation
-from fti.study._low_level import Knowledge
-from fti.study.compensation import NEVER_DEG, WAYS, CompensationRun, min_helpful_bank
+from fti.study import compensation
+from fti.study.compensation import experiment, judge, low_level
+from fti.study.compensation.experiment import WAYS, CompensationRun
+from fti.study.compensation.judge import NEVER_DEG, min_helpful_bank
+from fti.study.compensation.low_level import Knowledge
 
 FEW = 40
 
@@ -18,10 +20,11 @@ FEW = 40
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """40 poses, two beams, three banks."""
-    monkeypatch.setattr(_low_level.fly, "__defaults__", (FEW,))
-    monkeypatch.setattr(compensation, "BANK_POSES", 20)
-    monkeypatch.setattr(compensation, "WIDTHS_DEG", (10, 60))
-    monkeypatch.setattr(compensation, "BANKS_DEG", (0, 30, 60))
+    monkeypatch.setattr(low_level.fly, "__defaults__", (FEW,))
+    monkeypatch.setattr(experiment, "BANK_POSES", 20)
+    for module in (experiment, judge):
+        monkeypatch.setattr(module, "WIDTHS_DEG", (10, 60))
+        monkeypatch.setattr(module, "BANKS_DEG", (0, 30, 60))
 
 
 @pytest.mark.usefixtures("small")
@@ -45,9 +48,9 @@ def test_one_country_holds_and_repeats_itself() -> None:
 
 
 def test_all_ways_have_the_same_poses() -> None:
-    mix = _low_level.fly(21, FEW)
+    mix = low_level.fly(21, FEW)
     mix.measured["radar"][3] = np.nan
-    heights = compensation.compensate(mix, _low_level.predict(mix, Knowledge.ALL, 21))
+    heights = experiment.compensate(mix, low_level.predict(mix, Knowledge.ALL, 21))
     assert set(heights) == {(sensor, way) for sensor in ("laser", "radar") for way in WAYS}
     assert all(np.isnan(heights["radar", way][3]) for way in WAYS)
     assert np.isfinite(heights["laser", "raw"][3])
@@ -61,14 +64,14 @@ def found(beam: float, raw: float) -> CompensationRun:
 
 def test_the_judge_can_say_no() -> None:
     better, worse = [found(1.0, 2.0)] * 20, [found(2.0, 1.0)] * 6 + [found(1.0, 2.0)] * 14
-    assert compensation._judge_ordering(better, "radar", "beam", "raw").holds
-    result = compensation._judge_ordering(worse, "radar", "beam", "raw")
+    assert judge._judge_ordering(better, "radar", "beam", "raw").holds
+    result = judge._judge_ordering(worse, "radar", "beam", "raw")
     assert (result.value, result.target, result.holds) == (14, ">= 17", False)
-    assert not compensation._judge_ordering([found(1.0, 1.0)] * 20, "radar", "beam", "raw").holds
+    assert not judge._judge_ordering([found(1.0, 1.0)] * 20, "radar", "beam", "raw").holds
 
 
 def test_where_it_helps_is_where_it_helps_from_there_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compensation, "BANKS_DEG", (0, 10, 20, 30))
+    monkeypatch.setattr(judge, "BANKS_DEG", (0, 10, 20, 30))
     raw, by = np.array([[5.0, 5.0, 5.0, 5.0]] * 3), np.array([[4.0, 6.0, 4.0, 4.0], [6.0] * 4, [4.0, 4.0, 4.0, 5.0]])
     assert min_helpful_bank(np.stack((raw, by), axis=-1), 1) == [20, NEVER_DEG, NEVER_DEG]
 

@@ -14,9 +14,8 @@ from fti.plot_style import write_figure
 from fti.study import StudyResult, faults
 from fti.study.faults import CELLS, Cell, SensorFault, detectability, plots
 from fti.study.faults.cells import GRADES
-from fti.study.faults.criteria import bound, judge, share
-from fti.study.faults.detectability import distance, is_detectable, smallest_ramp
-from fti.study.faults.fault_flights import (
+from fti.study.faults.detectability import distance, is_detectable
+from fti.study.faults.experiment import (
     AircraftGroup,
     FaultOutcome,
     FlightTask,
@@ -25,8 +24,10 @@ from fti.study.faults.fault_flights import (
     exceedances,
     fly,
     nominal_flight,
+    share,
     strike_through,
 )
+from fti.study.faults.judge import bound, judge_all
 from fti.study.faults.plan import plan
 from fti.study.faults.product import Product, SeparationCalibration
 
@@ -202,7 +203,7 @@ def nominal(
 
 
 def refused(outcomes: list[TaskOutcome]) -> set[str]:
-    return {result.id for result in judge(outcomes, np.random.default_rng(2)) if not result.holds}
+    return {result.id for result in judge_all(outcomes, np.random.default_rng(2)) if not result.holds}
 
 
 def test_the_judges_say_no_to_each_broken_promise() -> None:
@@ -235,7 +236,7 @@ def test_cells_outside_the_table_are_only_reported() -> None:
     name = "tactical/ramp-velocity-0.1/1-of-1/legs"
     outcomes = [TaskOutcome(nominal(k), (struck(k, misled=300, hazardous=300, name=name),)) for k in range(300)]
     assert refused(outcomes) == set()
-    results: dict[str, StudyResult] = {result.id: result for result in judge(outcomes, np.random.default_rng(1))}
+    results: dict[str, StudyResult] = {result.id: result for result in judge_all(outcomes, np.random.default_rng(1))}
     assert results["cell.tactical/ramp-velocity-0.1/1-of-1"].value == 1.0
     assert "not in the table" in results["cell.tactical/ramp-velocity-0.1/1-of-1"].quantity
 
@@ -244,7 +245,7 @@ def test_cells_outside_the_table_are_only_reported() -> None:
 
 
 def test_pictures_are_drawn(tmp_path: Path, found: TaskOutcome) -> None:
-    write_figure(lambda: plots.cells([found]), tmp_path / "cells.png")
+    write_figure(lambda: plots.cells([found], 0.01), tmp_path / "cells.png")
     write_figure(lambda: plots.ramp(17), tmp_path / "ramp.png")
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())
 
@@ -256,3 +257,10 @@ def test_the_whole_study_holds(scale: int, capsys: pytest.CaptureFixture[str]) -
         return
     assert main(["study", "faults"]) == 0
     assert "misled.bound" in capsys.readouterr().out
+
+
+def smallest_ramp(grade: str, onset_m_s2: float, with_velocity: bool) -> float:
+    """Rate of the smallest ramp in the table [m/s]; infinite where none of 100 m/s is."""
+    rates = np.geomspace(0.01, 100.0, 401)
+    cells = (Cell(grade, SensorFault.RAMP, float(rate), onset_m_s2, with_velocity) for rate in rates)
+    return next((cell.magnitude for cell in cells if is_detectable(cell)), np.inf)

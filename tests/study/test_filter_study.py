@@ -10,11 +10,12 @@ import pytest
 
 from fti.cli.main import main
 from fti.plot_style import write_figure
-from fti.study import StudyResult, _filter_plots
+from fti.study import StudyResult
 from fti.study import filter as study
-from fti.study._filter_flights import CASES, OUTAGES_S, draw_flight
-from fti.study._filter_runs import FilterRun, run
-from fti.study._filter_terrain import HeightErrors, HeightPair, fly_pairs, spell_rms
+from fti.study.filter import judge, plots
+from fti.study.filter.experiment import FilterRun, run
+from fti.study.filter.flights import CASES, OUTAGES_S, draw_flight
+from fti.study.filter.terrain import HeightErrors, HeightPair, fly_pairs, spell_rms
 
 FLIGHTS = 2
 OUTAGES, RICH = 3, 4
@@ -47,19 +48,21 @@ def test_the_judge_says_no_to_a_filter_that_is_too_sure_or_too_modest(runs: list
         dataclasses.replace(r, ratios=rng.standard_normal((10, 22)), nees=rng.chisquare(22, 10) / 22)
         for r in runs * 100
     ]
-    assert all(r.holds for r in study.judge(OUTAGES, honest, rng))
+    assert all(r.holds for r in judge.judge_case(OUTAGES, honest, rng))
     sure = [dataclasses.replace(r, ratios=1.3 * r.ratios, nees=1.69 * r.nees, nis=1.3) for r in honest]
-    refused = {r.id for r in study.judge(OUTAGES, sure, rng) if not r.holds}
+    refused = {r.id for r in judge.judge_case(OUTAGES, sure, rng) if not r.holds}
     assert refused == {"outages.ratio", "outages.nees_high", "outages.nees_instants", "outages.nis_high"}
     modest = [dataclasses.replace(r, ratios=0.7 * r.ratios, nees=0.5 * r.nees, nis=0.7) for r in honest]
-    refused = {r.id for r in study.judge(OUTAGES, modest, rng) if not r.holds}
+    refused = {r.id for r in judge.judge_case(OUTAGES, modest, rng) if not r.holds}
     assert refused == {"outages.ratio_low", "outages.nees_low", "outages.nees_instants", "outages.nis_low"}
 
 
 def test_the_worst_state_decides_for_rich_truth(runs: list[FilterRun]) -> None:
     ratios = np.ones((10, 22))
     ratios[4, 2] = 1.6
-    results = by_id(study.judge(RICH, [dataclasses.replace(r, ratios=ratios) for r in runs], np.random.default_rng(0)))
+    results = by_id(
+        judge.judge_case(RICH, [dataclasses.replace(r, ratios=ratios) for r in runs], np.random.default_rng(0))
+    )
     assert not results["rich.ratio"].holds
     assert results["rich.ratio"].quantity.endswith("position down")
 
@@ -67,7 +70,7 @@ def test_the_worst_state_decides_for_rich_truth(runs: list[FilterRun]) -> None:
 def test_states_that_are_not_observed_are_named(runs: list[FilterRun]) -> None:
     spread = np.full(22, 0.5)
     spread[14] = 0.95
-    results = study.judge(OUTAGES, [dataclasses.replace(r, spread=spread) for r in runs], np.random.default_rng(0))
+    results = judge.judge_case(OUTAGES, [dataclasses.replace(r, spread=spread) for r in runs], np.random.default_rng(0))
     assert by_id(results)["outages.unobserved"].quantity.endswith("gyro bias z")
 
 
@@ -95,20 +98,20 @@ def test_the_flight_is_the_unit_over_terrain() -> None:
         return HeightErrors(sd * rng.standard_normal(251), np.full(251, sd))
 
     good = [HeightPair(height(3.0), height(1.0)) for _ in range(40)]
-    assert all(r.holds for r in study.judge_terrain("outage", good, rng))
+    assert all(r.holds for r in judge.judge_terrain("outage", good, rng))
     same = [HeightPair(height(1.0), height(1.0)) for _ in range(40)]
-    refused = {r.id for r in study.judge_terrain("outage", same, rng) if not r.holds}
+    refused = {r.id for r in judge.judge_terrain("outage", same, rng) if not r.holds}
     assert {"T16.outage.80.p", "T16.outage.170.p"} <= refused
     late = [HeightPair(p.unaided, HeightErrors(4.0 * p.aided.error, p.aided.sd)) for p in good]
     assert {"T16.outage.inside", "T16.outage.ratio", "T16.outage.30"} <= {
-        r.id for r in study.judge_terrain("outage", late, rng) if not r.holds
+        r.id for r in judge.judge_terrain("outage", late, rng) if not r.holds
     }
 
 
 def test_pictures_are_drawn(tmp_path: Path, runs: list[FilterRun], over: dict[str, HeightPair]) -> None:
-    write_figure(lambda: _filter_plots.heights(over), tmp_path / "heights.png")
-    write_figure(lambda: _filter_plots.one_flight(runs[0]), tmp_path / "outages.png")
-    write_figure(lambda: _filter_plots.consistency([runs] * len(CASES)), tmp_path / "honesty.png")
+    write_figure(lambda: plots.heights(over), tmp_path / "heights.png")
+    write_figure(lambda: plots.one_flight(runs[0]), tmp_path / "outages.png")
+    write_figure(lambda: plots.consistency([runs] * len(CASES)), tmp_path / "honesty.png")
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())
 
 

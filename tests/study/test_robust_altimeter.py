@@ -12,9 +12,9 @@ import pytest
 from fti.cli.main import main
 from fti.nav.vertical.error_model import HEIGHT
 from fti.nav.vertical.kalman_filter import GATE
-from fti.study import _vertical_flights as flights
 from fti.study import robust_altimeter as study
-from fti.study._vertical_channel import (
+from fti.study.robust_altimeter import experiment, flights, judge, plots
+from fti.study.robust_altimeter.channel import (
     FAULT_STEPS,
     INSTANTS,
     ITERATIONS,
@@ -25,7 +25,7 @@ from fti.study._vertical_channel import (
     expected_error,
     simulate,
 )
-from fti.study._vertical_flights import VerticalCase
+from fti.study.robust_altimeter.flights import VerticalCase
 
 RUNS = 250
 
@@ -40,7 +40,7 @@ def test_table_1_follows_from_kilometres_and_from_nothing_else() -> None:
         ChannelVariant("", PRINTED.radius, PHYSICAL.noise),
     ):
         mean, sd = expected_error(other, ITERATIONS)
-        assert abs(study.TABLE_1[-1] - mean) > 5.0 * sd
+        assert abs(judge.TABLE_1[-1] - mean) > 5.0 * sd
 
 
 def test_the_drawn_error_is_the_expected_one() -> None:
@@ -53,20 +53,23 @@ def test_the_drawn_error_is_the_expected_one() -> None:
 
 @pytest.mark.parametrize("variant", [PRINTED, PHYSICAL], ids=lambda v: v.name)
 def test_faults_are_kept_out(variant: ChannelVariant) -> None:
-    results = study.faults(variant, RUNS, study.SEED)
+    results = judge.judge_faults(variant.name, experiment.fault_jumps(variant, RUNS, study.SEED), study.SEED)
     assert [result for result in results if not result.holds] == []
 
 
 def test_a_filter_that_refuses_nothing_is_found_out() -> None:
     truth = simulate(PHYSICAL, RUNS, np.random.default_rng(2), drawn=False, faulted=True)
     plain = estimate(PHYSICAL, truth.z, math.inf)
-    results = study.judge_faults("x", study.jumps(plain), study.jumps(plain), plain.accepted, 1)
+    jumps = experiment.jumps(plain)
+    results = judge.judge_faults("x", experiment.FaultJumps(jumps, jumps, plain.accepted), 1)
     assert [result.id for result in results if not result.holds] == ["T26.x.ratio", "T26.x.median", "T26.x.most"]
     assert results[-1].value == 100.0
 
 
 def test_both_filters_know_how_wrong_they_are() -> None:
-    results = study.consistency(PHYSICAL, RUNS, study.SEED)
+    found = experiment.consistency_scores(PHYSICAL, RUNS, study.SEED)
+    results = [result for name, scores in found.items() for result in judge.judge_consistency(name, scores, study.SEED)]
+    assert len(results) == 8
     assert [result for result in results if not result.holds] == []
 
 
@@ -79,14 +82,15 @@ def test_a_filter_that_thinks_too_well_of_itself_is_found_out() -> None:
         P=channel_estimate.P / 1.5**2,
         innovation=1.5 * channel_estimate.innovation,
     )
-    results = study.judge_consistency("x", *study.scores(truth, vain), 1)
+    results = judge.judge_consistency("x", experiment.scores(truth, vain), 1)
     assert {"x.least", "x.most", "x.nees", "x.nees_instants", "x.nis"} == {
         result.id for result in results if not result.holds
     }
 
 
 def test_refusal_for_ever_never_comes_back() -> None:
-    bounded, ever = study.lockout(100, study.SEED)
+    recovered = (experiment.recovered_runs(100, study.SEED, bound_s) for bound_s in (experiment.LOCKOUT_S, math.inf))
+    bounded, ever = judge.judge_lockout(100, *recovered)
     assert bounded.holds
     assert ever.value == 0
 
@@ -112,10 +116,9 @@ def test_faults_stand_where_the_source_has_them() -> None:
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from fti.plot_style import write_figure
-    from fti.study import _vertical_plots
 
     monkeypatch.setattr(flights, "SECONDS", 20)
-    monkeypatch.setattr(_vertical_plots, "PLOT_RUNS", 20)
+    monkeypatch.setattr(plots, "PLOT_RUNS", 20)
     drawings = study.drawings(5)
     for name in ("robust", "jumps", "flight"):
         write_figure(drawings[name], tmp_path / f"{name}.png")

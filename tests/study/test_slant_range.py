@@ -11,10 +11,11 @@ import pytest
 from fti.constants import FOOT, STANDARD_GRAVITY
 from fti.hil.flight.leg_flight import MAX_LOAD, STEP_S, TRIM_AOA, FlightLeg, track, turn
 from fti.plot_style import write_figure
-from fti.study import _scenarios, slant_range
-from fti.study._altimeter_flight import AltimeterFlight, fly
-from fti.study._statistics import min_positive, ratio_interval, sign_test
-from fti.study.slant_range import ORDERINGS, Run
+from fti.study import slant_range
+from fti.study.slant_range import judge, scenarios
+from fti.study.slant_range.experiment import GROUNDS, AltimeterFlight, Run, fly
+from fti.study.slant_range.judge import ORDERINGS
+from fti.study.statistics import min_positive, ratio_interval, sign_test
 from fti.terrain.terrain import Terrain
 
 
@@ -51,9 +52,9 @@ def level_ground(name: str, seed: int, *, extent_m: float, cell_m: float) -> Ter
 
 
 def test_the_approach_comes_down_from_8000_ft_in_three_turns(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_scenarios, "synthetic_terrain", level_ground)
+    monkeypatch.setattr(scenarios, "synthetic_terrain", level_ground)
     for seed in range(5):
-        flight = _scenarios.approach(seed, 0.5).flight
+        flight = scenarios.approach(seed, 0.5).flight
         assert flight.origins_l[-1] == pytest.approx([0.0, 0.0, 15.0], abs=40.0)
         assert np.abs(np.sin(flight.heading[-1])) < 1e-6
         assert 7500.0 < (flight.origins_l[0, 2] + 500.0) / FOOT < 8500.0  # the valley lies at 500 m
@@ -63,8 +64,8 @@ def test_the_approach_comes_down_from_8000_ft_in_three_turns(monkeypatch: pytest
 
 
 def test_the_same_seed_flies_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_scenarios, "synthetic_terrain", level_ground)
-    first, again, other = (_scenarios.low_level(seed, 1.0).flight.origins_l for seed in (1, 1, 2))
+    monkeypatch.setattr(scenarios, "synthetic_terrain", level_ground)
+    first, again, other = (scenarios.low_level(seed, 1.0).flight.origins_l for seed in (1, 1, 2))
     assert first.tobytes() == again.tobytes()
     assert first.tobytes() != other.tobytes()
 
@@ -97,8 +98,8 @@ def swapped(run: Run) -> Run:
 
 
 def test_low_over_hills_the_orderings_hold_and_can_fail() -> None:
-    scenario = _scenarios.low_level(slant_range.SEED, 0.8)
-    run: Run = {("low_level", ground): fly(scenario.flight, scenario.ground(ground)) for ground in slant_range.GROUNDS}
+    scenario = scenarios.low_level(slant_range.SEED, 0.8)
+    run: Run = {("low_level", ground): fly(scenario.flight, scenario.ground(ground)) for ground in GROUNDS}
     orderings = {
         o.id: o for o in ORDERINGS if o.id in {"flat.large", "rough.large", "rough.level"} or "low_level" in o.id
     }
@@ -106,8 +107,8 @@ def test_low_over_hills_the_orderings_hold_and_can_fail() -> None:
     assert [name for name, ordering in orderings.items() if not ordering.holds(run)] == []
     wrong = swapped(run)
     assert [name for name in ("flat.large", "rough.large", "rough.level") if orderings[name].holds(wrong)] == []
-    assert slant_range._pencil_error(run["low_level", "flat"]) < slant_range.EXACT
-    assert slant_range._pencil_error(_longer(run["low_level", "flat"], 1e-6)) > slant_range.EXACT
+    assert judge._pencil_error(run["low_level", "flat"]) < judge.EXACT
+    assert judge._pencil_error(_longer(run["low_level", "flat"], 1e-6)) > judge.EXACT
 
 
 def _longer(record: AltimeterFlight, metres: float) -> AltimeterFlight:

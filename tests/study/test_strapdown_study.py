@@ -13,9 +13,12 @@ from fti.hil.flight.random_routes import calm_flight
 from fti.hil.sensors.inertial import specific_force_b
 from fti.nav.inertial.strapdown_fast import integrate_fast
 from fti.plot_style import write_figure
-from fti.study import _closure, _strapdown_plots, strapdown, trajectory
-from fti.study._closure import Closure, close
-from fti.study.strapdown import judge_live, judge_turns, s_turn_errors
+from fti.study import strapdown
+from fti.study.strapdown import plots
+from fti.study.strapdown.experiment import s_turn_errors
+from fti.study.strapdown.judge import judge_live, judge_turns
+from fti.study.trajectory import experiment
+from fti.study.trajectory.experiment import Closure, close
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +34,7 @@ def test_five_calm_minutes_close_within_a_tenth_of_a_millimetre(minutes: Closure
 
 def test_half_a_step_of_coriolis_would_be_seen(minutes: Closure, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was wrong once: 4e-9 m/s^2 are 0.2 mm in five minutes, and 0.3 m in an hour."""
-    monkeypatch.setattr(_closure, "specific_force_b", lambda state: specific_force_b(state) + 4e-9)
+    monkeypatch.setattr(experiment, "specific_force_b", lambda state: specific_force_b(state) + 4e-9)
     closure = close(calm_flight(np.random.default_rng(4), 300.0), 0.01, 300.0, integrate_fast)
     assert closure.horizontal + closure.vertical > minutes.horizontal + minutes.vertical + 1e-4
 
@@ -45,22 +48,22 @@ def test_the_judge_says_no(minutes: Closure) -> None:
 
 
 def test_the_error_after_s_turns_falls_with_the_step(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(strapdown, "TURNS_S", 200.0)
+    monkeypatch.setattr(experiment, "TURNS_S", 200.0)
     errors = s_turn_errors(5, 0)
     assert all(result.holds for result in judge_turns([errors]))
-    write_figure(lambda: _strapdown_plots.steps(errors), tmp_path / "steps.png")
+    write_figure(lambda: plots.steps(errors), tmp_path / "steps.png")
     assert (tmp_path / "steps.png").stat().st_size > 20_000
 
 
 def test_the_hour_is_drawn(minutes: Closure, tmp_path: Path) -> None:
-    write_figure(lambda: _strapdown_plots.hour(minutes), tmp_path / "hour.png")
+    write_figure(lambda: plots.hour(minutes), tmp_path / "hour.png")
     assert (tmp_path / "hour.png").stat().st_size > 20_000
 
 
 @pytest.mark.timeout(900)
 def test_the_whole_study_holds(scale: int, capsys: pytest.CaptureFixture[str]) -> None:
     if scale == 1:  # the parts are judged above
-        assert set(strapdown.drawings(trajectory.SEED)) == {"steps", "live"}
+        assert set(strapdown.drawings(strapdown.SEED)) == {"steps", "live"}
         return
     assert main(["study", "strapdown"]) == 0
     assert "T12.calm_horizontal" in capsys.readouterr().out

@@ -13,8 +13,9 @@ from fti.geodesy.gravity import normal_gravity
 from fti.hil.flight.random_routes import random_flight
 from fti.hil.sensors import inertial
 from fti.study import trajectory
-from fti.study._closure import Closure, close
-from fti.study.trajectory import drawings, fit_flight, judge_closures, judge_fits, s_turn_errors
+from fti.study.trajectory import drawings, experiment
+from fti.study.trajectory.experiment import Closure, close, fit_flight, s_turn_errors
+from fti.study.trajectory.judge import judge_closures, judge_fits
 
 TEN_MINUTES = 600.0
 
@@ -47,7 +48,7 @@ def test_who_flies_the_other_way_round_the_earth_does_not_close(monkeypatch: pyt
 
 
 def test_the_error_after_s_turns_falls_with_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trajectory, "TURNS_S", 200.0)
+    monkeypatch.setattr(experiment, "TURNS_S", 200.0)
     errors = s_turn_errors(5, 0)
     assert (errors[:-1] / errors[1:]).min() > 3.5
     assert errors[0] > 1e-6  # it is not rounding that is compared

@@ -12,8 +12,9 @@ import pytest
 from fti.messages.reasons import Reason
 from fti.plot_style import write_figure
 from fti.ranging.radar.altimeter import RadarAltimeter
-from fti.study import REPORTED, _low_level, validity
-from fti.study._low_level import (
+from fti.study import REPORTED, validity
+from fti.study.compensation import low_level
+from fti.study.compensation.low_level import (
     Knowledge,
     Mix,
     add_cloud,
@@ -26,8 +27,9 @@ from fti.study._low_level import (
     predict,
     rolls,
 )
-from fti.study._statistics import mean_interval
-from fti.study.validity import ValidityScore, judge, reasons_by_variant, score_variant
+from fti.study.statistics import mean_interval
+from fti.study.validity.experiment import ValidityScore, reasons_by_variant, score_variant
+from fti.study.validity.judge import judge_variant
 from fti.terrain.landscape import Cover
 
 SEED, POSES = 7, 40
@@ -136,12 +138,12 @@ def _assessed(raw: float, residual: float, excluded: float) -> list[ValidityScor
 
 @pytest.mark.parametrize(("name", "limit"), [("laser", 0.35), ("radar", 0.55)])
 def test_the_judges_can_say_no(name: str, limit: float) -> None:
-    good = judge(_assessed(100.0, 100.0 * (limit - 0.01) ** 2, 0.39), Knowledge.PLACE_ERROR, name, 1)
+    good = judge_variant(_assessed(100.0, 100.0 * (limit - 0.01) ** 2, 0.39), Knowledge.PLACE_ERROR, name, 1)
     assert [result.holds for result in good] == [True, True]
-    bad = judge(_assessed(100.0, 100.0 * (limit + 0.01) ** 2, 0.41), Knowledge.PLACE_ERROR, name, 1)
+    bad = judge_variant(_assessed(100.0, 100.0 * (limit + 0.01) ** 2, 0.41), Knowledge.PLACE_ERROR, name, 1)
     assert [result.holds for result in bad] == [False, False]
     assert {result.id for result in bad} == {f"T20.{name}.place_error", f"T20.{name}.place_error.excluded"}
-    results = judge(_assessed(100.0, 100.0, 0.9), Knowledge.DEM_ERROR, name, 1)
+    results = judge_variant(_assessed(100.0, 100.0, 0.9), Knowledge.DEM_ERROR, name, 1)
     assert {result.target for result in results} == {REPORTED}
 
 
@@ -149,7 +151,7 @@ def test_nothing_left_is_not_good() -> None:
     errors = np.array([1.0, 2.0])
     nothing = score_variant(errors, errors, [(Reason.ROLL,), (Reason.ROLL, Reason.DEVIATION)])
     assert (nothing.raw, nothing.excluded, nothing.reasons[Reason.ROLL]) == (2.5, 1.0, 2)
-    assert not any(result.holds for result in judge([nothing] * 3, Knowledge.ALL, "radar", 1))
+    assert not any(result.holds for result in judge_variant([nothing] * 3, Knowledge.ALL, "radar", 1))
 
 
 def test_the_interval_of_a_mean_holds_it_as_often_as_it_says(scale: int) -> None:
@@ -162,7 +164,7 @@ def test_the_interval_of_a_mean_holds_it_as_often_as_it_says(scale: int) -> None
 
 def test_the_flight_to_look_at_stays_over_the_country() -> None:
     flight = orbit(SEED)
-    assert np.abs(flight.points_l[:, :2]).max() < _low_level.REACH_M
+    assert np.abs(flight.points_l[:, :2]).max() < low_level.REACH_M
     assert np.isfinite(flight.measured["radar"]).all()
     assert np.degrees(np.abs(flight.roll)).max() == pytest.approx(50.0, abs=0.5)
 

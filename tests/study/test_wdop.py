@@ -12,9 +12,11 @@ import pytest
 from fti.cli.main import main
 from fti.geodesy.local import LocalFrame
 from fti.nav.radio.altitude_accuracy import UNIFORM, altimeter_sd
-from fti.study import _radio_flight as flight
 from fti.study import wdop
-from fti.study._radio_flight import Geometry, Heights, ground, measure
+from fti.study.wdop import experiment as flight
+from fti.study.wdop import plots
+from fti.study.wdop.experiment import Geometry, Heights, ground, measure
+from fti.study.wdop.judge import judge_all
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +27,7 @@ def some() -> list[Heights]:
 
 
 def test_some_epochs_hold(some: list[Heights]) -> None:
-    results = wdop.judge(some)
+    results = judge_all(some)
     assert [result for result in results if not result.holds] == []
     assert len({result.id for result in results}) == len(results)
     found = {result.id: result.value for result in results}
@@ -36,7 +38,7 @@ def test_some_epochs_hold(some: list[Heights]) -> None:
 
 def test_satellites_alone_are_not_the_altimeter(some: list[Heights]) -> None:
     """The choice is needed: at some epochs either source is the better one, and it is taken."""
-    ranges, altimeter = wdop.rms(some, "ranges"), wdop.rms(some, "altimeter")
+    ranges, altimeter = flight.rms(some, "ranges"), flight.rms(some, "altimeter")
     share = np.array([heights.from_altimeter.mean() for heights in some])
     assert (share[ranges > 1.5 * altimeter] > 0.99).all()
     assert (share[altimeter > 1.5 * ranges] < 0.01).all()
@@ -47,7 +49,7 @@ def test_a_forgotten_geoid_is_found_out() -> None:
     """25 m: heights of the elevation model count from the sea."""
     epochs = Geometry().epochs()[::60]
     heights = [measure(epoch, 500, np.random.default_rng(k), undulation=0.0) for k, epoch in enumerate(epochs)]
-    refused = {result.id for result in wdop.judge(heights) if not result.holds}
+    refused = {result.id for result in judge_all(heights) if not result.holds}
     assert {"T28.altimeter.least", "T28.fused"} <= refused
 
 
@@ -56,12 +58,12 @@ def test_an_elevation_model_that_is_thought_exact_is_found_out(some: list[Height
         dataclasses.replace(h, altimeter_sd=np.sqrt(h.altimeter_sd**2 - 0.9 * flight.DEM_SD**2), fused_sd=h.fused_sd)
         for h in some
     ]
-    assert "T28.altimeter.least" in {result.id for result in wdop.judge(vain) if not result.holds}
+    assert "T28.altimeter.least" in {result.id for result in judge_all(vain) if not result.holds}
 
 
 def test_maximum_errors_taken_as_sigma_are_found_out(some: list[Heights]) -> None:
     loose = [dataclasses.replace(h, altimeter_sd=h.altimeter_sd / UNIFORM) for h in some]
-    assert "T28.altimeter.most" in {result.id for result in wdop.judge(loose) if not result.holds}
+    assert "T28.altimeter.most" in {result.id for result in judge_all(loose) if not result.holds}
 
 
 def test_the_ground_rises_as_it_says() -> None:
@@ -93,11 +95,10 @@ def _up(epoch: flight.RadioEpoch) -> float:
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from fti.plot_style import write_figure
-    from fti.study import _wdop_plots
 
-    monkeypatch.setattr(_wdop_plots, "RUNS", 5)
+    monkeypatch.setattr(plots, "RUNS", 5)
     monkeypatch.setattr(flight, "EPOCH_S", 20 * flight.EPOCH_S)
-    monkeypatch.setattr(_wdop_plots, "MINUTES", _wdop_plots.MINUTES[::20])
+    monkeypatch.setattr(plots, "MINUTES", plots.MINUTES[::20])
     for name, draw in wdop.drawings(5).items():
         write_figure(draw, tmp_path / f"{name}.png")
     assert {file.name for file in tmp_path.iterdir()} == {"satellites.png", "predicted.png", "choice.png"}

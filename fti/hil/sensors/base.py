@@ -17,7 +17,7 @@ from fti.drivers import Encoder
 from fti.errors import ConfigError
 from fti.formats.fast_messages import fast_stamp
 from fti.geodesy.rotations import mat_from_rpy
-from fti.geodesy.wgs84 import radii
+from fti.geodesy.wgs84 import displace
 from fti.hil.environment import Environment
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.fast_messages import new_stamp
@@ -99,11 +99,7 @@ def sample_times(rate_hz: float, duration: float, shift: float, drift_ppm: float
 def position_at(state: FlightState, lever_arm_b: tuple[float, float, float]) -> tuple[Array, Array, Array]:
     """lat, lon [rad], alt [m] of a point of the aircraft; lever_arm_b : from the reference point P [m]."""
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
-    arm_n = mat_nb @ np.asarray(lever_arm_b)
-    r_meridian, r_normal = radii(state.lat)
-    lat = state.lat + arm_n[:, 0] / (r_meridian + state.alt)
-    lon = state.lon + arm_n[:, 1] / ((r_normal + state.alt) * np.cos(state.lat))
-    return lat, lon, state.alt - arm_n[:, 2]
+    return displace(state.lat, state.lon, state.alt, mat_nb @ np.asarray(lever_arm_b))
 
 
 def velocity_at(state: FlightState, lever_arm_b: tuple[float, float, float]) -> Array:

@@ -22,10 +22,26 @@ def gauss_markov_noise(t: Array, sd: float, period_s: float, rng: np.random.Gene
     One value per second, with linear interpolation, because the process is slow.
     """
     knots = np.arange(t[0], t[-1] + 2 * KNOT_S, KNOT_S)
-    keep = float(np.exp(-KNOT_S / period_s))
-    kicks = rng.normal(0.0, sd * np.sqrt(1.0 - keep**2), len(knots))
+    return np.asarray(np.interp(t, knots, gauss_markov(len(knots), KNOT_S, period_s, sd, rng)))
+
+
+def gauss_markov(count: int, step_s: float, period_s: float, sd: float, rng: np.random.Generator) -> Array:
+    """A first-order Gauss-Markov process, stationary from its first sample, shape (count,), count at least 1.
+
+    x[k] = a x[k-1] + w[k], a = exp(-step / period), var(w) = sd^2 (1 - a^2).
+    Source: Brown and Hwang, 3rd edition, section 5.3.
+    """
+    keep = float(np.exp(-step_s / period_s))
+    kicks = rng.normal(0.0, sd * np.sqrt(1.0 - keep**2), count)
     kicks[0] = rng.normal(0.0, sd)
-    return np.asarray(np.interp(t, knots, recursion(kicks, keep)))
+    return recursion(kicks, keep)
+
+
+def gauss_markov_n(
+    count: int, step_s: float, period_s: float, sds: tuple[float, ...], rng: np.random.Generator
+) -> Array:
+    """Independent Gauss-Markov processes side by side (count, len(sds))."""
+    return np.stack([gauss_markov(count, step_s, period_s, sd, rng) for sd in sds], axis=1)
 
 
 def recursion(kicks: Array, keep: float) -> Array:

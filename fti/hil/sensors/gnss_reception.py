@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from fti.devices import BoundDevice
 from fti.geodesy.rotations import mat_en
-from fti.geodesy.wgs84 import ecef_from_geodetic, radii
+from fti.geodesy.wgs84 import displace, ecef_from_geodetic
 from fti.hil.environment import Environment
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.sensors.base import position_at, velocity_at
@@ -100,7 +100,7 @@ class Reception:
         self._undulation = world.undulation
         faults, state = GnssFaults(bound.device.name, world.scenario.fault), world.state(t)
         offset, rate = faults.offset_n(t)
-        self.place = _offset_positions(np.stack(position_at(state, bound.device.lever_arm_b), axis=1), offset)
+        self.place = np.stack(displace(*position_at(state, bound.device.lever_arm_b), offset), axis=1)
         self.vel_n = velocity_at(state, bound.device.lever_arm_b) + rate
         knots = np.arange(0.0, world.duration + KNOT_S, KNOT_S)
         self._at = np.minimum((t / KNOT_S).astype(np.int64), len(knots) - 1)
@@ -129,7 +129,7 @@ class Reception:
         sd_n = sd_n[self._at]
         stated = np.where(np.isnan(degraded_sds[:, [0, 0, 1]]), sd_n, degraded_sds[:, [0, 0, 1]])
         share = np.divide(stated, sd_n, out=np.ones_like(sd_n), where=self.fix[:, None])
-        solution = _offset_positions(self.place, share * _interpolate_knots(knots, t, error_n))
+        solution = np.stack(displace(*self.place.T, share * _interpolate_knots(knots, t, error_n)), axis=1)
         horizontal_sd = np.hypot(stated[:, 0], stated[:, 1]) / math.sqrt(2.0)
         self._places = np.column_stack([solution, horizontal_sd, stated[:, 2]])
         self._solution_vel_n = self.vel_n + _interpolate_knots(knots, t, vel_error_n)
@@ -230,12 +230,3 @@ def _epoch(spec: ReceiverSpec, azimuth: Array, elevation: Array, range_errors: A
 def _interpolate_knots(knots: Array, t: Array, values: Array) -> Array:
     """Values (knots, 3) at times t, with linear interpolation between knots."""
     return np.stack([np.interp(t, knots, column) for column in values.T], axis=1)
-
-
-def _offset_positions(place: Array, offset_n: Array) -> Array:
-    """Positions lat, lon [rad], alt [m], (n, 3), offset by north, east, down [m]."""
-    lat, _, alt = place.T
-    r_meridian, r_normal = radii(lat)
-    north, east, down = offset_n.T
-    offset = np.stack([north / (r_meridian + alt), east / ((r_normal + alt) * np.cos(lat)), -down], axis=1)
-    return np.asarray(place + offset)

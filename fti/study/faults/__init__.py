@@ -2,7 +2,7 @@
 
 Simulated flights of an hour (four grades of inertial unit, one or two receivers, legs or turns, ten terrains) go
 through the product at the level of measurements (``product``).  Some twelve faults branch off each of them
-(``fault_flights``).  Cells of the table of detectable faults, which is computed beforehand (``detectability``,
+(``experiment``).  Cells of the table of detectable faults, which is computed beforehand (``detectability``,
 decision 42), are judged, others are reported:
 
     misleading (MI)   valid, and the error beyond the protection level: pooled at most 1e-3 of fault time (95 % bound,
@@ -36,43 +36,29 @@ from fti.study.faults.cells import CELLS, Cell, SensorFault
 from fti.study.faults.flight import START_NS, FlightFault, SimulatedFlight, draw
 
 if TYPE_CHECKING:
-    from fti.study.faults.fault_flights import TaskOutcome
+    from fti.study.faults.experiment import TaskOutcome
 
-__all__ = [
-    "CELLS",
-    "RUNS",
-    "SEED",
-    "START_NS",
-    "Cell",
-    "FlightFault",
-    "SensorFault",
-    "SimulatedFlight",
-    "draw",
-    "drawings",
-    "study",
-]
+__all__ = ["CELLS", "START_NS", "Cell", "FlightFault", "SensorFault", "SimulatedFlight", "draw"]
 
 #: Faults of each cell of the table: 3,168 of them, and 300 nominal hours with those of others.
 RUNS = 11
 SEED = 17
-
-
 #: Outcomes of the last study, by seed, for its plots.
 _outcomes: dict[int, list[TaskOutcome]] = {}
 
 
 def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` faults of each cell of the table, an eleventh of that of others."""
-    from fti.study.faults.criteria import judge  # noqa: PLC0415
-    from fti.study.faults.fault_flights import fly  # noqa: PLC0415 - the simulator alone needs no navigation
-    from fti.study.faults.plan import plan  # noqa: PLC0415
+    from fti.study.faults.experiment import fly  # the simulator alone needs no navigation
+    from fti.study.faults.judge import judge_all
+    from fti.study.faults.plan import plan
 
     _outcomes[seed] = run_all(fly, plan(runs, seed), progress)
-    return judge(_outcomes[seed], np.random.default_rng([seed, 3]))
+    return judge_all(_outcomes[seed], np.random.default_rng([seed, 3]))
 
 
 def drawings(seed: int) -> dict[str, DrawFigure]:
     """Error and levels of a ramp, by grade; MI of all cells of the study."""
-    from fti.study.faults import plots  # noqa: PLC0415 - matplotlib is slow to load
+    from fti.study.faults import judge, plots
 
-    return {"ramp": lambda: plots.ramp(seed), "cells": lambda: plots.cells(_outcomes[seed])}
+    return {"ramp": lambda: plots.ramp(seed), "cells": lambda: plots.cells(_outcomes[seed], judge.CELL)}

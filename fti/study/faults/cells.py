@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import product
 
@@ -44,16 +44,7 @@ class SensorFault(StrEnum):
 
 
 BARO_KINDS = frozenset({SensorFault.BARO_STEP, SensorFault.BARO_RAMP, SensorFault.QNH})
-INERTIAL_KINDS = frozenset(
-    {
-        SensorFault.ACCEL_STEP,
-        SensorFault.GYRO_STEP,
-        SensorFault.ACCEL_STUCK,
-        SensorFault.GYRO_STUCK,
-        SensorFault.ACCEL_SATURATED,
-        SensorFault.GYRO_SATURATED,
-    }
-)
+INERTIAL_KINDS = frozenset(kind for kind in SensorFault if kind.startswith(("accel-", "gyro-")))
 UNITS = {
     SensorFault.JUMP: "m", SensorFault.RAMP: "m/s", SensorFault.SIGMA: "times", SensorFault.HEIGHT: "m",
     SensorFault.TIME_STEP: "s", SensorFault.BARO_STEP: "m", SensorFault.BARO_RAMP: "m/s", SensorFault.QNH: "hPa",
@@ -149,12 +140,7 @@ def _pairs(grade: str) -> Iterator[Cell]:
 
 
 def _with_patterns(cells: Iterator[Cell]) -> Iterator[Cell]:
-    for cell in cells:
-        for pattern in PATTERNS:
-            yield Cell(
-                cell.grade, cell.kind, cell.magnitude, cell.onset_m_s2, cell.with_velocity, cell.receivers,
-                cell.faulty_receivers, pattern,
-            )  # fmt: skip
+    return (replace(cell, pattern=pattern) for cell in cells for pattern in PATTERNS)
 
 
 CELLS: tuple[Cell, ...] = tuple(

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fti.study.faults.earth import STANDARD_GRAVITY
+from fti.constants import STANDARD_GRAVITY
+from fti.study.arrays import Rng
 from fti.study.faults.profile import SmoothProfile
 from fti.study.faults.trajectory import Course
-
-Rng = np.random.Generator
 
 #: Level and straight from the start, so that a filter can align [s].
 ALIGNMENT_S = 120.0

@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from fti.nav.separation.monitor import K_FA_SATELLITES
+from fti.study.arrays import Array
 from fti.study.faults.detectability import (
     AGE_OF_SEVERAL_S,
     AGE_S,
@@ -33,8 +33,6 @@ from fti.study.faults.detectability import (
     level_ratio,
     separation_sds,
 )
-
-Array = NDArray[np.float64]
 
 GRADES = ("navigation", "tactical", "mems")
 #: Maximum age of the oldest copy [s].

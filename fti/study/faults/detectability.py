@@ -32,17 +32,15 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.constants import STANDARD_GRAVITY
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
+from fti.study.arrays import Array
 from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, SensorFault
-from fti.study.faults.earth import STANDARD_GRAVITY
 from fti.study.faults.flight import BARO_WHITE_M, M_PER_HPA, WEATHER_S, WEATHER_SD_M
 from fti.study.faults.product import UNIT_OF_GRADE
 from fti.study.faults.receiver import HEIGHT_FACTOR, SD_M, TAU_S, VELOCITY_SD_M_S, VELOCITY_TAU_S, WHITE_SD_M
 from fti.study.faults.shapes import ramp
-
-Array = NDArray[np.float64]
 
 MARGIN = 1.5
 K_FA, K_MD, K_MD_RADIAL = 5.3, 3.09, 3.72
@@ -87,13 +85,6 @@ def oldest_age_s(cell: Cell) -> int:
 def is_detectable(cell: Cell) -> bool:
     """Whether the cell is in the table."""
     return distance(cell) >= MARGIN * (K_FA + K_MD)
-
-
-def smallest_ramp(grade: str, onset_m_s2: float, with_velocity: bool) -> float:
-    """Rate of the smallest ramp in the table [m/s]; infinite where none of 100 m/s is."""
-    rates = np.geomspace(0.01, 100.0, 401)
-    cells = (Cell(grade, SensorFault.RAMP, float(rate), onset_m_s2, with_velocity) for rate in rates)
-    return next((cell.magnitude for cell in cells if is_detectable(cell)), np.inf)
 
 
 def separation_sds(grade: str, ages_s: int) -> Array:

@@ -14,6 +14,8 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.wgs84 import radii
+from fti.hil.sensors.errors import gauss_markov, gauss_markov_n
 from fti.messages.measurements import (
     Attitude,
     ImuSample,
@@ -24,18 +26,15 @@ from fti.messages.measurements import (
     Stamp,
     Velocity,
 )
+from fti.study.arrays import Array, Rng
 from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, SensorFault
 from fti.study.faults.course import draw_course
-from fti.study.faults.earth import radii
 from fti.study.faults.inertial_unit import RATE_HZ, UNITS, InertialSamples, measure_inertial
-from fti.study.faults.noise import gauss_markov, gauss_markov_n
-from fti.study.faults.receiver import RATES_HZ, Fixes, apply_fault, delay_fixes, draw_satellites, fixes, rows
+from fti.study.faults.receiver import RATES_HZ, Fixes, apply_fault, draw_satellites, fixes, rows
 from fti.study.faults.shapes import FaultWindow, Mask, repeated_indices
 from fti.study.faults.terrain import RELIEF_SD_M, WaveTerrain, terrain
 from fti.study.faults.trajectory import Trajectory, TrueMotion
 
-Array = NDArray[np.float64]
-Rng = np.random.Generator
 Timed = tuple[int, str, Measurement]
 
 SECOND_NS = 1_000_000_000
@@ -109,11 +108,16 @@ class SimulatedFlight:
 
         The difference of longitude is the shorter way round.
         """
-        m = self.truth(t_ns)
+        north, east, down = self.errors_n(np.array([t_ns]), np.array([[lat, lon, alt]]))[0].tolist()
+        return north, east, down
+
+    def errors_n(self, t_ns: NDArray[np.int64], places: Array) -> Array:
+        """Likewise of solutions lat, lon [rad], alt [m] at many times, shape (n, 3)."""
+        m, (lat, lon, alt) = self.truth(t_ns), places.T
         meridian, normal = radii(m.lat)
-        turned = (lon - m.lon[0] + np.pi) % (2.0 * np.pi) - np.pi
-        north = (lat - m.lat[0]) * (meridian[0] + m.alt[0])
-        return float(north), float(turned * (normal[0] + m.alt[0]) * np.cos(m.lat[0])), float(m.alt[0] - alt)
+        turned = (lon - m.lon + np.pi) % (2.0 * np.pi) - np.pi
+        north = (lat - m.lat) * (meridian + m.alt)
+        return np.stack((north, turned * (normal + m.alt) * np.cos(m.lat), m.alt - alt), axis=1)
 
     def between(self, begin_s: float, end_s: float) -> SimulatedFlight:
         """The same flight with the measurements of begin <= t < end only."""
@@ -129,10 +133,6 @@ class SimulatedFlight:
             self, inertial=inertial, fixes=fixes, baro=cut(*self.baro), attitude=cut(*self.attitude),
             radar=cut(*self.radar),
         )  # fmt: skip
-
-    def is_faulty(self, t_ns: int) -> bool:
-        """Whether the fault acts at a time."""
-        return self.fault.onset_ns <= t_ns < self.fault.end_ns
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,8 +182,7 @@ def strike(nominal: SimulatedFlight, cell: Cell, onset_s: float, seed: int) -> S
     duration_s = window.end_s + AFTER_S
     fault, azimuth, fixes = _fault(cell, window, duration_s), rng.uniform(-np.pi, np.pi), dict(nominal.fixes)
     for name in set(fault.devices) & set(fixes):
-        late = delay_fixes(fixes[name], cell, window, nominal.trajectory)
-        fixes[name] = apply_fault(late, cell, window, azimuth, rng)
+        fixes[name] = apply_fault(fixes[name], cell, window, azimuth, rng, truth=nominal.trajectory)
     t, alt = nominal.baro
     baro = t, alt + _baro_fault(cell, window, t, rng)
     inertial = _faulty_inertial(nominal.inertial, cell, window, rng)
@@ -289,11 +288,9 @@ def _receivers(s: _Scenario, rng: Rng) -> dict[str, Fixes]:
     sky = draw_satellites(s.duration_s, rng, s.rates.receivers)
     azimuth, found = rng.uniform(-np.pi, np.pi), dict[str, Fixes]()
     for name in _names(s.cell.receivers):
-        lies = name in s.fault.devices
-        is_late = lies and s.cell.kind is SensorFault.TIME_STEP
-        delay_s = np.where(s.window.covers(sky.t) & is_late, s.cell.magnitude, 0.0)
-        nominal = fixes(sky, s.trajectory, s.undulation, delay_s, rng)
-        found[name] = apply_fault(nominal, s.cell, s.window, azimuth, rng) if lies else nominal
+        found[name] = fixes(sky, s.trajectory, s.undulation, rng)
+        if name in s.fault.devices:
+            found[name] = apply_fault(found[name], s.cell, s.window, azimuth, rng, truth=s.trajectory)
     return found
 
 
@@ -312,21 +309,13 @@ def _pressure_altitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
 
 def _baro_fault(cell: Cell, window: FaultWindow, t: Array, rng: Rng) -> Array:
     """Error of a barometer fault at times [m]."""
-    sign = float(rng.choice((-1.0, 1.0)))
-    return np.asarray(sign * _baro_error(cell, t - window.begin_s) * window.covers(t))
-
-
-def _baro_error(cell: Cell, elapsed: Array) -> Array:
-    """Error of a barometer fault [m] at times since its onset [s]."""
-    match cell.kind:
-        case SensorFault.BARO_STEP:
-            return np.full(len(elapsed), cell.magnitude)
-        case SensorFault.QNH:
-            return np.full(len(elapsed), M_PER_HPA * cell.magnitude)
-        case SensorFault.BARO_RAMP:
-            return cell.magnitude * elapsed
-        case _:
-            return np.zeros(len(elapsed))
+    sign, size = float(rng.choice((-1.0, 1.0))), cell.magnitude
+    errors: dict[SensorFault, float | Array] = {
+        SensorFault.BARO_STEP: size,
+        SensorFault.QNH: M_PER_HPA * size,
+        SensorFault.BARO_RAMP: size * (t - window.begin_s),
+    }
+    return np.asarray(sign * errors.get(cell.kind, 0.0) * window.covers(t))
 
 
 def _attitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:

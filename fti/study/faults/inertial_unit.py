@@ -14,13 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fti.study.faults.earth import STANDARD_GRAVITY
-from fti.study.faults.noise import gauss_markov_n
+from fti.constants import STANDARD_GRAVITY
+from fti.hil.sensors.errors import gauss_markov_n
+from fti.study.arrays import Array, Rng
 from fti.study.faults.trajectory import TrueMotion, angular_rate_b, specific_force_b
-
-Array = NDArray[np.float64]
 
 RATE_HZ = 25
 IN_RUN_SHARE = 0.1
@@ -83,9 +81,7 @@ def ideal_samples(m: TrueMotion) -> InertialSamples:
     return InertialSamples(m.t, specific_force_b(m), angular_rate_b(m))
 
 
-def measure_inertial(
-    m: TrueMotion, unit: InertialUnit, rng: np.random.Generator, rate_hz: int = RATE_HZ
-) -> InertialSamples:
+def measure_inertial(m: TrueMotion, unit: InertialUnit, rng: Rng, rate_hz: int = RATE_HZ) -> InertialSamples:
     """Measurements of a unit drawn from its grade on a motion, at a rate."""
     speed = float(np.mean(np.linalg.norm(m.vel_n, axis=1)))
     sds = (GRAVITY_SD,) * 3
@@ -95,7 +91,7 @@ def measure_inertial(
     return InertialSamples(m.t, accel_b, triad_output(true.gyro_b, unit.gyro, rng, rate_hz))
 
 
-def triad_output(true_b: Array, triad: TriadErrors, rng: np.random.Generator, rate_hz: int = RATE_HZ) -> Array:
+def triad_output(true_b: Array, triad: TriadErrors, rng: Rng, rate_hz: int = RATE_HZ) -> Array:
     """(I + M) x + constant bias + in-run bias + white noise of density walk over one sample."""
     matrix = np.eye(3) + rng.normal(0.0, triad.scale, (3, 3))
     constant = rng.normal(0.0, triad.bias, 3)

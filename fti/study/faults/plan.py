@@ -6,7 +6,7 @@ import numpy as np
 
 from fti.study.faults.cells import CELLS, SensorFault
 from fti.study.faults.detectability import is_detectable
-from fti.study.faults.fault_flights import HOUR_S, AircraftGroup, FlightTask
+from fti.study.faults.experiment import HOUR_S, AircraftGroup, FlightTask
 
 FAULTS_PER_FLIGHT = 12
 #: Divisor of the number of faults of cells outside the table.

@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 
 from fti.plot_style import BLUE, GREY, ORANGE, VERMILION, add_legend, label_axes, new_figure
 from fti.study.faults.cells import CELLS, SHARP, Cell, SensorFault
-from fti.study.faults.criteria import CELL, share
 from fti.study.faults.detectability import is_detectable
-from fti.study.faults.fault_flights import (
+from fti.study.faults.experiment import (
     AircraftGroup,
     FaultOutcome,
     FlightTask,
     TaskOutcome,
     nominal_flight,
+    share,
     strike_through,
 )
 from fti.study.faults.product import LIMITS, Product, SolutionRecord, errors_n
@@ -64,15 +64,15 @@ def _through(seed: int, cell: Cell) -> tuple[SolutionRecord, np.ndarray]:
     return record, np.hypot(errors[:, 0], errors[:, 1])
 
 
-def cells(found: Sequence[TaskOutcome]) -> Figure:
-    """MI of every cell, legs and turns together; cells of the table are marked."""
+def cells(found: Sequence[TaskOutcome], limit: float) -> Figure:
+    """MI of every cell, legs and turns together; cells of the table are marked.  limit : of each [1]"""
     merged = dict[Cell, list[FaultOutcome]]()
     for fault in (fault for task in found for fault in task.faults):
         merged.setdefault(replace(CELLS[fault.cell], pattern="legs"), []).append(fault)
     kinds = sorted({_kind(cell) for cell in merged}, reverse=True)
     figure = new_figure(
         "Valid and beyond a protection level: share of fault time, by cell",
-        f"{sum(map(len, merged.values()))} faults. Full: cells of the table, at most {CELL:g} each. Hollow: others.",
+        f"{sum(map(len, merged.values()))} faults. Full: cells of the table, at most {limit:g} each. Hollow: others.",
         height=9.0,
     )
     axes = figure.subplots()
@@ -82,7 +82,7 @@ def cells(found: Sequence[TaskOutcome]) -> Figure:
             max(NONE, share(faults)), kinds.index(_kind(cell)), "o", ms=6.0, color=colour, alpha=0.7,
             mfc=colour if is_detectable(cell) else "none",
         )  # fmt: skip
-    axes.axvline(CELL, color=VERMILION, lw=0.9)
+    axes.axvline(limit, color=VERMILION, lw=0.9)
     axes.set_xscale("log")
     axes.set_yticks(range(len(kinds)), kinds)
     label_axes(axes, x=f"share of fault time (none: {NONE:g})")

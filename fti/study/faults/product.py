@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fti.config import AlertLimits, Config, parse
 from fti.messages.measurements import ImuSample, Measurement, Position, Velocity
@@ -22,11 +21,9 @@ from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.protection import K_RADIAL
 from fti.nav.separation.protection import K_MD_RADIAL
+from fti.study.arrays import Array, Mask
 from fti.study.faults.cells import Cell
-from fti.study.faults.earth import radii
 from fti.study.faults.flight import START_NS, SimulatedFlight, Timed
-
-Array = NDArray[np.float64]
 
 #: The product has three grades; an industrial unit is configured as the coarser one.
 UNIT_OF_GRADE = {"industrial": "mems"}
@@ -74,7 +71,7 @@ class SolutionRecord:
         return np.asarray(self.rows[:, COLUMNS.index(column)])
 
     @property
-    def is_valid(self) -> NDArray[np.bool_]:
+    def is_valid(self) -> Mask:
         """Whether both levels are below the alert limits, shape (n,)."""
         return np.asarray((self["hpl"] <= LIMITS.position_m) & (self["vpl"] <= LIMITS.altitude_m))
 
@@ -175,14 +172,4 @@ def _timed_texts(events: Iterable[Event]) -> Iterator[tuple[float, str]]:
 def errors_n(flight: SimulatedFlight, rows: Array) -> Array:
     """North, east, down [m] of the solutions of a record, shape (n, 3)."""
     times_ns = START_NS + np.rint(rows[:, 0] * SECOND_NS).astype(np.int64)
-    truth = flight.truth(times_ns)
-    meridian, normal = radii(truth.lat)
-    turned = (rows[:, 2] - truth.lon + np.pi) % (2.0 * np.pi) - np.pi
-    return np.stack(
-        (
-            (rows[:, 1] - truth.lat) * (meridian + truth.alt),
-            turned * (normal + truth.alt) * np.cos(truth.lat),
-            truth.alt - rows[:, 3],
-        ),
-        axis=1,
-    )
+    return flight.errors_n(times_ns, rows[:, 1:4])

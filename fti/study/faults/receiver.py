@@ -11,16 +11,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.geodesy.wgs84 import displace
+from fti.hil.sensors.errors import gauss_markov_n
+from fti.study.arrays import Array, Rng
 from fti.study.faults.cells import Cell, SensorFault
-from fti.study.faults.earth import displace
-from fti.study.faults.noise import gauss_markov_n
 from fti.study.faults.shapes import FaultWindow, Mask, direction, ramp, repeated_indices
 from fti.study.faults.trajectory import Trajectory
-
-Array = NDArray[np.float64]
-Rng = np.random.Generator
 
 TAU_S, SD_M, VELOCITY_SD_M_S = (100.0, 300.0), (0.7, 2.5), (0.03, 0.1)
 HEIGHT_FACTOR, COMMON_SHARE, WHITE_SD_M, VELOCITY_TAU_S = 1.5, 0.8, 0.2, 5.0
@@ -86,9 +83,9 @@ def draw_satellites(end_s: float, rng: Rng, rates_hz: tuple[float, ...] = RATES_
     return replace(drawn, common_n=drawn.slow_n(COMMON_SHARE, rng))
 
 
-def fixes(sky: SatelliteErrors, truth: Trajectory, undulation: float, delay_s: Array, rng: Rng) -> Fixes:
-    """Nominal fixes of one receiver; those of delay_s (n,) earlier have the current time."""
-    m = truth.at(np.maximum(sky.t - delay_s, 0.0))
+def fixes(sky: SatelliteErrors, truth: Trajectory, undulation: float, rng: Rng) -> Fixes:
+    """Nominal fixes of one receiver."""
+    m = truth.at(sky.t)
     lat, lon, alt = displace(m.lat, m.lon, m.alt, sky.errors_n(rng))
     velocity = gauss_markov_n(len(sky.t), 1.0 / sky.rate_hz, VELOCITY_TAU_S, (sky.velocity_sd,) * 3, rng)
     return Fixes(
@@ -97,21 +94,8 @@ def fixes(sky: SatelliteErrors, truth: Trajectory, undulation: float, delay_s: A
     )  # fmt: skip
 
 
-def delay_fixes(found: Fixes, cell: Cell, window: FaultWindow, truth: Trajectory) -> Fixes:
-    """Nominal fixes with the time step of a cell: earlier fixes with the current errors."""
-    if cell.kind is not SensorFault.TIME_STEP:
-        return found
-    now = truth.at(found.t)
-    then = truth.at(np.maximum(found.t - cell.magnitude * window.covers(found.t), 0.0))
-    up = then.alt - now.alt
-    return replace(
-        found, lat=found.lat + then.lat - now.lat, lon=found.lon + then.lon - now.lon, alt=found.alt + up,
-        alt_msl=found.alt_msl + up, vel_n=found.vel_n + then.vel_n - now.vel_n,
-    )  # fmt: skip
-
-
-def apply_fault(found: Fixes, cell: Cell, window: FaultWindow, azimuth: float, rng: Rng) -> Fixes:
-    """The fixes as the fault of a cell changes them inside its window; time steps are part of ``fixes``."""
+def apply_fault(found: Fixes, cell: Cell, window: FaultWindow, azimuth: float, rng: Rng, *, truth: Trajectory) -> Fixes:
+    """The fixes as the fault of a cell changes them inside its window."""
     active, changed = window.covers(found.t), found
     match cell.kind:
         case SensorFault.FROZEN | SensorFault.FROZEN_POSITION:
@@ -123,11 +107,23 @@ def apply_fault(found: Fixes, cell: Cell, window: FaultWindow, azimuth: float, r
         case SensorFault.SWAPPED:
             lat, lon = np.where(active, found.lon, found.lat), np.where(active, found.lat, found.lon)
             changed = replace(found, lat=lat, lon=lon)
+        case SensorFault.TIME_STEP:
+            changed = _delay(found, cell.magnitude * active, truth)
         case SensorFault.SIGMA:
             changed = _displace(found, active, _scatter(found, cell.magnitude, rng))
         case SensorFault.UNDULATION_ZERO | SensorFault.MSL_HEIGHT | SensorFault.HEIGHT:
             changed = _height(found, cell, active)
     return changed
+
+
+def _delay(found: Fixes, delay_s: Array, truth: Trajectory) -> Fixes:
+    """Earlier fixes with the current errors."""
+    now, then = truth.at(found.t), truth.at(np.maximum(found.t - delay_s, 0.0))
+    up = then.alt - now.alt
+    return replace(
+        found, lat=found.lat + then.lat - now.lat, lon=found.lon + then.lon - now.lon, alt=found.alt + up,
+        alt_msl=found.alt_msl + up, vel_n=found.vel_n + then.vel_n - now.vel_n,
+    )  # fmt: skip
 
 
 def _freeze(found: Fixes, active: Mask, with_velocity: bool) -> Fixes:

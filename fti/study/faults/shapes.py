@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from fti.study.arrays import Array, Mask
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,21 +1,17 @@
-"""Ten terrains, from a plain to hills, and the map of each."""
+"""Ten terrains, from a plain to hills."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fti.study.faults.earth import SEMI_MAJOR_M
-
-Array = NDArray[np.float64]
+from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.study.arrays import Array, Rng
 
 RELIEF_SD_M = (0.0, 3.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80.0, 110.0, 150.0)
-MAP_SD_M = 1.5
 WAVES = 16
 WAVELENGTHS_M = (400.0, 30_000.0)
-MAP_WAVELENGTHS_M = (60.0, 600.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +38,10 @@ class WaveTerrain:
     origin: tuple[float, float]
     base: float
     truth: Relief
-    map_error: Relief
 
     def elevation(self, lat: Array, lon: Array) -> Array:
         """True height of the ground."""
         return self.base + self.truth.height(*self._plane(lat, lon))
-
-    def map_elevation(self, lat: Array, lon: Array) -> Array:
-        """Height of the ground in the map."""
-        return self.elevation(lat, lon) + self.map_error.height(*self._plane(lat, lon))
 
     @property
     def peak(self) -> float:
@@ -58,11 +49,11 @@ class WaveTerrain:
         return self.base + float(self.truth.amplitudes.sum())
 
     def _plane(self, lat: Array, lon: Array) -> tuple[Array, Array]:
-        north = SEMI_MAJOR_M * (np.asarray(lat) - self.origin[0])
-        return north, SEMI_MAJOR_M * np.cos(self.origin[0]) * (np.asarray(lon) - self.origin[1])
+        north = SEMI_MAJOR * (np.asarray(lat) - self.origin[0])
+        return north, SEMI_MAJOR * np.cos(self.origin[0]) * (np.asarray(lon) - self.origin[1])
 
 
-def relief(sd: float, wavelengths_m: tuple[float, float], rng: np.random.Generator) -> Relief:
+def relief(sd: float, wavelengths_m: tuple[float, float], rng: Rng) -> Relief:
     """Waves of random directions; the amplitude grows with the square root of the wavelength, one sigma is sd."""
     lengths = np.geomspace(*wavelengths_m, WAVES)
     directions = rng.uniform(0.0, 2.0 * np.pi, WAVES)
@@ -74,5 +65,4 @@ def relief(sd: float, wavelengths_m: tuple[float, float], rng: np.random.Generat
 def terrain(number: int, origin: tuple[float, float], base: float) -> WaveTerrain:
     """Terrain 0 to 9 at an origin."""
     rng = np.random.default_rng([7, number])
-    truth = relief(RELIEF_SD_M[number], WAVELENGTHS_M, rng)
-    return WaveTerrain(number, origin, base, truth, relief(MAP_SD_M, MAP_WAVELENGTHS_M, rng))
+    return WaveTerrain(number, origin, base, relief(RELIEF_SD_M[number], WAVELENGTHS_M, rng))

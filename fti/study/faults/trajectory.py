@@ -11,12 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fti.study.faults.earth import STANDARD_GRAVITY, earth_rate_n, gravity_n, radii, transport_rate_n
+from fti.constants import STANDARD_GRAVITY
+from fti.geodesy.gravity import transport_rate
+from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.wgs84 import radii
+from fti.study.arrays import Array
+from fti.study.faults.earth import earth_rate_n, gravity_n
 from fti.study.faults.profile import SmoothProfile
-
-Array = NDArray[np.float64]
 
 GRID_S = 0.04
 #: The latitude's radii depend on the latitude itself: an iteration reduces the error by a factor of 100 or more.
@@ -128,22 +130,11 @@ def _cumulative(rate: Array) -> Array:
     return np.concatenate(([0.0], np.cumsum(0.5 * GRID_S * (rate[:-1] + rate[1:]))))
 
 
-def mat_nb(rpy: Array) -> Array:
-    """Rotation matrices body to north, east, down (n, 3, 3) of roll, pitch, heading (n, 3)."""
-    (sr, sp, sh), (cr, cp, ch) = np.sin(rpy).T, np.cos(rpy).T
-    rows = (
-        (cp * ch, sr * sp * ch - cr * sh, cr * sp * ch + sr * sh),
-        (cp * sh, sr * sp * sh + cr * ch, cr * sp * sh - sr * ch),
-        (-sp, sr * cp, cr * cp),
-    )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
 def specific_force_b(m: TrueMotion, disturbance_n: Array | float = 0.0) -> Array:
     """Specific force (n, 3) [m/s^2]; disturbance_n: true gravity minus normal gravity."""
-    rate_n = 2.0 * earth_rate_n(m.lat) + transport_rate_n(m.lat, m.alt, m.vel_n)
+    rate_n = 2.0 * earth_rate_n(m.lat) + transport_rate(m.lat, m.alt, m.vel_n)
     force_n = m.accel_n + np.cross(rate_n, m.vel_n) - gravity_n(m.lat, m.alt) - disturbance_n
-    return np.asarray(np.einsum("nij,ni->nj", mat_nb(m.rpy), force_n))
+    return np.asarray(np.einsum("nij,ni->nj", mat_from_rpy(*m.rpy.T), force_n))
 
 
 def angular_rate_b(m: TrueMotion) -> Array:
@@ -158,5 +149,5 @@ def angular_rate_b(m: TrueMotion) -> Array:
         ),
         axis=1,
     )
-    frame_n = earth_rate_n(m.lat) + transport_rate_n(m.lat, m.alt, m.vel_n)
-    return np.asarray(against_n + np.einsum("nij,ni->nj", mat_nb(m.rpy), frame_n))
+    frame_n = earth_rate_n(m.lat) + transport_rate(m.lat, m.alt, m.vel_n)
+    return np.asarray(against_n + np.einsum("nij,ni->nj", mat_from_rpy(*m.rpy.T), frame_n))
