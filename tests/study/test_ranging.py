@@ -37,7 +37,7 @@ def test_a_longer_pulse_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_ground_that_is_not_level_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(experiment, "LEVEL_HEIGHT_M", judge.LEVEL_HEIGHT_M + 1e-6)
+    monkeypatch.setattr(experiment, "LEVEL_HEIGHT_M", experiment.LEVEL_HEIGHT_M + 1e-6)
     assert holds_by_id(judge.beam())["T5"] is False  # 1 um of 100 m is 1e-8
 
 

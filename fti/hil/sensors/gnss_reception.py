@@ -129,7 +129,8 @@ class Reception:
         sd_n = sd_n[self._at]
         stated = np.where(np.isnan(degraded_sds[:, [0, 0, 1]]), sd_n, degraded_sds[:, [0, 0, 1]])
         share = np.divide(stated, sd_n, out=np.ones_like(sd_n), where=self.fix[:, None])
-        solution = np.stack(displace(*self.place.T, share * _interpolate_knots(knots, t, error_n)), axis=1)
+        lat, lon, alt = self.place.T
+        solution = np.stack(displace(lat, lon, alt, share * _interpolate_knots(knots, t, error_n)), axis=1)
         horizontal_sd = np.hypot(stated[:, 0], stated[:, 1]) / math.sqrt(2.0)
         self._places = np.column_stack([solution, horizontal_sd, stated[:, 2]])
         self._solution_vel_n = self.vel_n + _interpolate_knots(knots, t, vel_error_n)

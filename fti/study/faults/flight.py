@@ -26,12 +26,12 @@ from fti.messages.measurements import (
     Stamp,
     Velocity,
 )
-from fti.study.arrays import Array, Rng
+from fti.study.arrays import Array, Mask, Rng
 from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, SensorFault
 from fti.study.faults.course import draw_course
 from fti.study.faults.inertial_unit import RATE_HZ, UNITS, InertialSamples, measure_inertial
 from fti.study.faults.receiver import RATES_HZ, Fixes, apply_fault, draw_satellites, fixes, rows
-from fti.study.faults.shapes import FaultWindow, Mask, repeated_indices
+from fti.study.faults.shapes import FaultWindow, repeated_indices
 from fti.study.faults.terrain import RELIEF_SD_M, WaveTerrain, terrain
 from fti.study.faults.trajectory import Trajectory, TrueMotion
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from fti.geodesy.wgs84 import displace
 from fti.hil.sensors.errors import gauss_markov_n
-from fti.study.arrays import Array, Rng
+from fti.study.arrays import Array, Mask, Rng
 from fti.study.faults.cells import Cell, SensorFault
-from fti.study.faults.shapes import FaultWindow, Mask, direction, ramp, repeated_indices
+from fti.study.faults.shapes import FaultWindow, direction, ramp, repeated_indices
 from fti.study.faults.trajectory import Trajectory
 
 TAU_S, SD_M, VELOCITY_SD_M_S = (100.0, 300.0), (0.7, 2.5), (0.03, 0.1)
@@ -108,7 +108,7 @@ def apply_fault(found: Fixes, cell: Cell, window: FaultWindow, azimuth: float, r
             lat, lon = np.where(active, found.lon, found.lat), np.where(active, found.lat, found.lon)
             changed = replace(found, lat=lat, lon=lon)
         case SensorFault.TIME_STEP:
-            changed = _delay(found, cell.magnitude * active, truth)
+            changed = _delay(found, np.where(active, cell.magnitude, 0.0), truth)
         case SensorFault.SIGMA:
             changed = _displace(found, active, _scatter(found, cell.magnitude, rng))
         case SensorFault.UNDULATION_ZERO | SensorFault.MSL_HEIGHT | SensorFault.HEIGHT:
