@@ -10,6 +10,7 @@ from fti.messages.units import (
     Bytes,
     Count,
     FractionalNanoseconds,
+    Metres,
     Nanoseconds,
     PartsPerMillion,
     SiValue,
@@ -72,7 +73,10 @@ class DeviceClockRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainRecord:
-    """The terrain that navigation uses after frame ``after_seq``: its name, files and hash, or why there is none."""
+    """The terrain that navigation uses after frame ``after_seq``: its name and files, or why there is none.
+
+    sha256 : of the posts, to the last bit;  checksums : of the posts of each layer, as ``Ground.checksums``
+    """
 
     t_ns: Nanoseconds
     after_seq: Count
@@ -80,6 +84,7 @@ class TerrainRecord:
     name: str | Absent = ABSENT
     files: tuple[str, ...] | Absent = ABSENT
     sha256: str | Absent = ABSENT
+    checksums: tuple[Metres, ...] | Absent = ABSENT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

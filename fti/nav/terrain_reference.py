@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from fti.terrain.terrain import Terrain
+
+#: Value of an unknown post in a checksum [m].
+_UNKNOWN_M = -9999.0
+#: Checksums of the same posts differ by less [m]: last bits depend on software version and processor.
+CHECKSUM_TOLERANCE_M = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +54,25 @@ class Ground:
             digest.update(repr((layer.east0, layer.north0, layer.cell_m, layer.heights.shape)).encode())
             digest.update(np.ascontiguousarray(layer.heights).ravel().data)
         return digest.hexdigest()
+
+    @functools.cached_property
+    def checksums(self) -> tuple[float, ...]:
+        """The sum of the posts of each layer with random signs [m].
+
+        The hash differs with every last bit of a post.  This sum differs by the change of a post, so it tells another
+        terrain, up to ``CHECKSUM_TOLERANCE_M``, and not another processor.
+        """
+        return tuple(_signed_sum(layer.heights) for layer in self.terrain.layers)
+
+    def has_checksums(self, checksums: Sequence[float]) -> bool:
+        """Whether these are the checksums of the same posts."""
+        pairs = itertools.zip_longest(checksums, self.checksums, fillvalue=math.inf)
+        return all(abs(a - b) < CHECKSUM_TOLERANCE_M for a, b in pairs)
+
+
+def _signed_sum(heights: NDArray[np.floating[Any]]) -> float:
+    random, total = np.random.PCG64(0), 0.0
+    for row in heights:
+        signs = 1.0 - 2.0 * (random.random_raw(len(row)) & 1)
+        total += float(signs @ np.nan_to_num(row, nan=_UNKNOWN_M))
+    return total

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fti import config as configuration
-from fti.config import Config, position_sources
+from fti.config import Config, TerrainFiles, position_sources
 from fti.devices import BoundDevice, bind_devices, parse_reference, read_texts
 from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
@@ -50,7 +50,14 @@ class TerrainNote:
     after_seq: int
     t_ns: int
     sha256: str | None = None
+    checksums: tuple[float, ...] | None = None
     fault: str | None = None
+
+    def is_of(self, ground: Ground, settings: TerrainFiles) -> bool:
+        """Whether this is the terrain of the flight.  Without checksums a scene is identified by its name."""
+        if self.checksums is not None:
+            return ground.has_checksums(self.checksums)
+        return settings.scene is not None or self.sha256 in (None, ground.digest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +115,7 @@ class Setup:
             return None
         ground = load_terrain(settings, local_only=self.recorded)
         for note in self.terrain_notes:
-            if note.sha256 not in (None, ground.digest):
+            if not note.fault and not note.is_of(ground, settings):
                 raise RecordingError(
                     f"{ground.name}: is not the terrain of the flight (SHA-256 {note.sha256}); name a configuration "
                     "with the terrain to use"
@@ -197,7 +204,8 @@ def attached_config(attachments: Mapping[str, bytes], file: Path) -> tuple[Confi
 def _terrain_note(note: dict[str, Any]) -> TerrainNote:
     """Raises KeyError or ValueError."""
     sha256, fault = (None if note.get(key) is None else _text(note[key]) for key in ("sha256", "fault"))
-    return TerrainNote(whole_number(note["after_seq"]), whole_number(note["t_ns"]), sha256, fault)
+    checksums = None if note.get("checksums") is None else tuple(float(number) for number in note["checksums"])
+    return TerrainNote(whole_number(note["after_seq"]), whole_number(note["t_ns"]), sha256, checksums, fault)
 
 
 def _text(value: Any) -> str:

@@ -139,8 +139,25 @@ def test_a_terrain_that_could_not_be_read_in_flight_is_not_there_again(tmp_path:
 
 def test_another_terrain_than_that_of_the_flight_is_refused(tmp_path: Path) -> None:
     session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
-    _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": "0" * 64})
+    note = {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": "0" * 64, "checksums": [1.0]}
+    _note_terrain(session, note)
     with pytest.raises(RecordingError, match="is not the terrain of the flight"):
+        _again(session, tmp_path / "again")
+
+
+def test_last_bits_of_posts_do_not_make_another_terrain(tmp_path: Path) -> None:
+    """The hash is that of another processor or version; the checksums are the same."""
+    session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
+    checksums = load_terrain(TerrainFiles(scene="demo")).checksums
+    note = {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": "0" * 64, "checksums": list(checksums)}
+    _note_terrain(session, note)
+    assert _again(session, tmp_path / "again").is_dir()
+
+
+def test_checksums_that_are_no_numbers_are_refused(tmp_path: Path) -> None:
+    session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
+    _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "checksums": ["many"]})
+    with pytest.raises(RecordingError, match=r"/fti/terrain: the message at .* cannot be used: .*many"):
         _again(session, tmp_path / "again")
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from fti import config as configuration
 from fti.config import Config, TerrainFiles
 from fti.messages.control import TerrainLoading
+from fti.nav.terrain_reference import Ground
 from fti.service.navigation.terrain_loader import TerrainLoader, load_terrain
 from fti.service.terrain_retry import TerrainRetry
 from tests.helpers import until
@@ -50,6 +53,22 @@ def test_another_post_is_another_ground() -> None:
     heights[7, 9] += 0.001
     other = type(ground)(ground.terrain.with_finest(heights), ground.sd, ground.name)
     assert other.digest != ground.digest
+
+
+def test_checksums_tell_another_post_and_not_another_processor() -> None:
+    """Last bits of the posts depend on the software version and the processor model: 1 nm here."""
+    ground = load_terrain(TerrainFiles(scene="demo"))
+    posts = ground.terrain.finest.heights
+    changed = posts.copy()
+    changed[7, 9] += 0.25
+    noise = np.random.default_rng(1).uniform(-1e-9, 1e-9, posts.shape)
+    assert not _with_posts(ground, changed).has_checksums(ground.checksums)
+    assert _with_posts(ground, posts + noise).has_checksums(ground.checksums)
+    assert not ground.has_checksums(ground.checksums[:-1])
+
+
+def _with_posts(ground: Ground, heights: NDArray[np.float64]) -> Ground:
+    return Ground(ground.terrain.with_finest(heights), ground.sd, ground.name)
 
 
 def test_a_ground_that_navigation_did_not_live_through_is_left_out_and_the_reason_is_reported() -> None:

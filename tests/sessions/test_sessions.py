@@ -10,7 +10,6 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,8 @@ ANGLE_RAD, RELATIVE = 1.5e-10, 1e-6
 ANGLES = frozenset({"lat", "lon"})
 #: The hash of a scene's posts: their last bits depend on the processor model.
 IGNORED = frozenset({"sha256"})
+#: Fields that a later version has added: checksums of the terrain.
+ADDED = frozenset({"checksums"})
 Messages = defaultdict[tuple[str, int], list[Any]]
 
 
@@ -54,8 +55,6 @@ def test_it_is_read_and_verified(session: Path, capsys: pytest.CaptureFixture[st
 def test_it_gives_the_same_measurements_and_outputs_again(session: Path, tmp_path: Path) -> None:
     recording = Recording.open(session)
     setup = recorded_setup(recording, session)
-    notes = tuple(replace(note, sha256=None) for note in setup.terrain_notes)
-    setup = replace(setup, terrain_notes=notes)
     again = reprocess(recording, setup, tmp_path, as_flown=True, progress=lambda seq: None)
     new, old = messages(Recording.open(again)), messages(recording)
     assert sum(len(rows) for (topic, _), rows in old.items() if topic == "/nav/nav_solution") > 250
@@ -90,7 +89,7 @@ def difference(row: Any, others: list[Any], key: tuple[str, int]) -> str:
 
 def unequal(one: Any, other: Any, where: str = "") -> Iterator[str]:
     """Keys whose values differ."""
-    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+    if isinstance(one, dict) and isinstance(other, dict) and one.keys() - ADDED == other.keys() - ADDED:
         for key, value in ((key, value) for key, value in one.items() if key not in IGNORED):
             yield from unequal(value, other[key], f"{where}.{key}" if where else key)
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):

@@ -87,7 +87,8 @@ class Chain:
         self._pipeline.set_terrain(ground)
         about: dict[str, Any] = {"fault": fault or ""}
         if ground:
-            about = {"name": ground.name, "files": ground.files, "sha256": ground.digest}
+            identity = {"sha256": ground.digest, "checksums": ground.checksums}
+            about = {"name": ground.name, "files": ground.files, **identity}
         products.notes.append(TerrainRecord(t_ns=t_ns, after_seq=after_seq, **about))
         products.notes.append(self._conditions.report_terrain(t_ns, fault).as_record())
         level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")

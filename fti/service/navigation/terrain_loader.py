@@ -115,7 +115,7 @@ class TerrainLoader:
         ensure_kernels_compiled(self._config)
         ground = load_terrain(settings, self._on_progress)
         warm_up(self._config, ground)
-        assert ground.digest
+        assert ground.digest and ground.checksums
         return ground
 
     def _on_progress(self, share: float) -> None:
