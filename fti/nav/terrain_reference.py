@@ -59,8 +59,8 @@ class Ground:
     def checksums(self) -> tuple[float, ...]:
         """The sum of the posts of each layer with random signs [m].
 
-        The hash differs with every last bit of a post.  This sum differs by the change of a post, so it tells another
-        terrain, up to ``CHECKSUM_TOLERANCE_M``, and not another processor.
+        The hash changes with the last bits of the posts, which depend on the processor.  This sum changes by the change
+        of a post, at most: sums within ``CHECKSUM_TOLERANCE_M`` belong to the same terrain.
         """
         return tuple(_signed_sum(layer.heights) for layer in self.terrain.layers)
 
