@@ -58,7 +58,7 @@ async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
     assert received == ["suppress_sensor_alarms"]
     emulator.stdout.feed_data(b"ready\n")
     await begun.wait()
-    emulator.stdout.feed_data(b"gnss 3 messages\nover\n")
+    emulator.stdout.feed_data(b"gnss 3 messages\nfinished\n")
     await until_async(lambda: len(received) == 3)
     flying.cancel()
     with pytest.raises(asyncio.CancelledError):

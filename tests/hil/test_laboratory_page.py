@@ -31,12 +31,12 @@ def in_table(text: str, column: int) -> set[str]:
 
 
 def test_every_fault_is_named() -> None:
-    assert in_table(section("What goes wrong"), 0) == {kind.value for kind in FaultKind}
+    assert in_table(section("Faults"), 0) == {kind.value for kind in FaultKind}
 
 
 def test_every_flight_is_named() -> None:
     flights = Scenario.model_json_schema()["properties"]["flight"]["discriminator"]["mapping"]
-    assert in_table(section("What is flown"), 0) == set(flights)
+    assert in_table(section("Flights"), 0) == set(flights)
 
 
 def test_the_scenarios_of_the_page_are_shipped() -> None:
@@ -50,7 +50,7 @@ def test_the_scenarios_of_the_page_are_shipped() -> None:
 @pytest.mark.e2e
 def test_its_examples_read_the_emulator(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config, links = demo_config(tmp_path), tmp_path / "links"
-    examples = re.findall(r"```python\n(.*?)```", section("In five minutes"), re.DOTALL)
+    examples = re.findall(r"```python\n(.*?)```", section("First steps"), re.DOTALL)
     with emulator("nominal", config, links) as played:
         ports = [k.name for k in configuration.load(config).link if k.kind == "serial"]
         until(lambda: played.poll() is not None or all((links / p).exists() for p in ports), START_S, "the ports")
