@@ -35,9 +35,9 @@ BOWRING_STEPS = 3
 
 
 def wrap_heading(angle: float) -> float:
-    """The angle in [0, 2 pi)."""
+    """The angle in [0, 2 pi); NaN for NaN."""
     wrapped = angle % math.tau
-    return wrapped if wrapped < math.tau else 0.0  # a tiny negative angle rounds to 2 pi
+    return 0.0 if wrapped >= math.tau else wrapped  # a tiny negative angle rounds to 2 pi
 
 
 def wrap_half_turn(angle: float) -> float:
@@ -140,9 +140,8 @@ def rpy_from_mat(rows: Rows) -> Vector:
     At a pitch of +-90 deg roll and heading rotate about one axis and only their sum or difference is defined.
     """
     forward, right, down = rows[2]
-    heading = math.atan2(rows[1][0], rows[0][0])
-    azimuth = heading if math.isnan(heading) else wrap_heading(heading)
-    return math.atan2(right, down), math.atan2(-forward, math.hypot(right, down)), azimuth
+    heading = wrap_heading(math.atan2(rows[1][0], rows[0][0]))
+    return math.atan2(right, down), math.atan2(-forward, math.hypot(right, down)), heading
 
 
 def mat_en(lat: float, lon: float) -> Rows:

@@ -82,6 +82,7 @@ def test_the_axes_of_a_place_are_those_of_scipy(lat: float, lon: float, alt: flo
 def test_angles_are_wrapped() -> None:
     angles = (0.0, math.pi, -math.pi, 7.0, -7.0, -1e-20)
     assert [formulas.wrap_heading(a) for a in angles] == pytest.approx([0, math.pi, math.pi, 0.716815, 5.566371, 0])
+    assert math.isnan(formulas.wrap_heading(math.nan))  # an unknown heading is not north
     assert [formulas.wrap_half_turn(a) for a in angles] == pytest.approx(
         [0.0, -math.pi, -math.pi, 0.716815, -0.716815, 0.0], abs=1e-6
     )
