@@ -24,6 +24,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fti.nav.separation.monitor import K_FA_SATELLITES
+from fti.plot_style import label_axes, new_figure, write_figure
 from fti.study.arrays import Array
 from fti.study.faults.detectability import (
     AGE_OF_SEVERAL_S,
@@ -90,28 +91,29 @@ def _row(title: str, grade: str, age: int) -> str:
     return f"| {title} | {age} | {ramp:.2f} | {errors[0]:.0f} | {acceleration:.3f} | {errors[1]:.0f} | {level:.1f} |"
 
 
-def draw(file: Path) -> None:
+def draw() -> Figure:
     """Both curves of each grade; a mark at the configured age."""
-    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    figure = new_figure(
+        "Smallest detected faults", "of one receiver; marks: configured age of the oldest copy", height=4.0
+    )
     axes = figure.subplots(1, 2)
     for grade in GRADES:
         curve, at = smallest(grade), AGE_S[grade] // RENEWALS - 1
         for axis, values in zip(axes, (curve.ramp, curve.acceleration), strict=True):
             (line,) = axis.loglog(curve.ages, values, label=grade)
             axis.plot(curve.ages[at], values[at], "o", color=line.get_color())
-    for axis, title in zip(axes, ("ramp at once [m/s]", "growing velocity [m/s\u00b2]"), strict=True):
-        axis.set(title=f"smallest seen: {title}", xlabel="age of the oldest copy [s]")
-        axis.grid(visible=True, which="both", alpha=0.3)
+    for axis, quantity in zip(axes, ("ramp of the position [m/s]", "acceleration [m/s\u00b2]"), strict=True):
+        label_axes(axis, "age of the oldest copy [s]", quantity)
     axes[0].legend()
-    figure.savefig(file, dpi=110)
+    return figure
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; plot the curves to a given file."""
+    """Print the table; plot the curves into a new file, if it is given."""
     args = sys.argv[1:] if argv is None else argv
     sys.stdout.write(table() + "\n")
     if args:
-        draw(Path(args[0]))
+        write_figure(draw, Path(args[0]))
     return 0
 
 
