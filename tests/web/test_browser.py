@@ -734,6 +734,7 @@ async def test_a_breaker_is_pressed_once_and_a_refusal_is_reported(
         "command": "reset",
         "args": {"breaker": "radar_altimeter"},
         "id": request_sent["id"],
+        "who": pwd.getpwuid(os.getuid()).pw_name,
     }
     await page.wait_for(f"{button}.disabled")
     refused = make_request(request_sent["id"], 1, "refused", "refused after 2 ms: it is hot", args=request_sent["args"])
