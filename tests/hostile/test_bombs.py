@@ -32,7 +32,7 @@ PAIRS = (
     ("columns", "export", 3, "more than 131072 columns"),
     ("lists", "export", 3, "at most 4194304 are read"),
     ("lengths", "sync", 3, "contains no configuration"),
-    ("long name", "info", 3, "a length of 4294967295 bytes"),
+    ("long name", "info", 3, "a field is longer than its record"),
     ("metadata", "info", 3, "its metadata have more than"),
     ("gap notes", "verify", 3, "more than 131072 notes of gaps"),
 )
