@@ -5,13 +5,16 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
+from collections.abc import Callable
 from enum import Enum, StrEnum
-from functools import cache
+from functools import cache, partial
 from typing import Any, Literal, TypeVar
 
 from fti.messages.units import union_members
 
 T = TypeVar("T")
+#: Maximum length of the path of a wrong field in an error.
+MAX_PATH = 80
 
 
 class Absent(Enum):
@@ -26,12 +29,18 @@ class Absent(Enum):
 ABSENT = Absent.ABSENT
 
 
+#: Types of JSON values without parts.
+_SCALARS = frozenset({str, int, float, bool, types.NoneType})
+
+
 def to_table(value: Any) -> Any:
     """A message, or a part of one, as JSON types: fields in class order, without absent ones."""
     cls: Any = type(value)
+    if cls in _SCALARS:
+        return value
     is_message = dataclasses.is_dataclass(cls)
     if is_message:
-        pairs = ((name, getattr(value, name)) for name in required_of_fields(cls))
+        pairs = [(name, getattr(value, name)) for name in required_of_fields(cls)]
         return {name: to_table(item) for name, item in pairs if item is not ABSENT}
     if isinstance(value, dict):
         return {key: to_table(item) for key, item in value.items()}
@@ -40,7 +49,11 @@ def to_table(value: Any) -> Any:
 
 def from_table(cls: type[T], table: object) -> T:
     """The message of a table.  Raises ValueError, which names the field that is wrong."""
-    message: T = _parse(cls, table, "")
+    try:
+        message: T = _parser((cls,))(table)
+    except _FieldError as error:
+        path = "".join(reversed(error.path)).removeprefix(".")[:MAX_PATH]
+        raise ValueError(f"{path or 'the message'}: {error.text}") from None
     return message
 
 
@@ -62,33 +75,82 @@ def present_members(hint: Any) -> tuple[Any, ...]:
     return tuple(member for member in union_members(hint) if member is not Absent)
 
 
-def _parse(hint: Any, value: Any, path: str) -> Any:
-    kinds = hint if isinstance(hint, tuple) else (hint,)
+class _FieldError(Exception):
+    """What is wrong with a value.  path : where it is, from the inside"""
+
+    def __init__(self, text: str, *path: str) -> None:
+        self.text, self.path = text, [*path]
+
+
+@cache
+def _parser(kinds: tuple[Any, ...]) -> Callable[[Any], Any]:
+    """The parser of values of some types: made once, as messages come twice a second and in thousands of a session."""
+    scalars: set[Any] = set()
+    members: dict[str, Any] = {}
+    builders: list[tuple[type, Callable[[Any], Any]]] = []
     for kind in kinds:
-        origin: Any = typing.get_origin(kind)
         args = typing.get_args(kind)
-        if origin is dict and isinstance(value, dict):
-            return {key: _parse(present_members(args[1]), item, f"{path}.{key}") for key, item in value.items()}
-        if origin is tuple and isinstance(value, list):
-            return tuple(_parse(present_members(args[0]), item, f"{path}[{n}]") for n, item in enumerate(value))
-        if dataclasses.is_dataclass(kind) and isinstance(value, dict):
-            return _parse_fields(kind, value, path)
-        if type(value) is kind or (kind is float and type(value) is int) or (kind is str and isinstance(value, str)):
-            return value
-        if isinstance(kind, type) and issubclass(kind, StrEnum) and value in list(kind):
-            return kind(value)
+        if typing.get_origin(kind) is dict:
+            builders.append((dict, partial(_parse_dict, _parser(present_members(args[1])))))
+        elif typing.get_origin(kind) is tuple:
+            builders.append((list, partial(_parse_list, _parser(present_members(args[0])))))
+        elif dataclasses.is_dataclass(kind):
+            builders.append((dict, partial(_parse_fields, kind)))
+        elif issubclass(kind, StrEnum):
+            members |= {member.value: member for member in kind}
+        else:
+            scalars |= {kind, int} if kind is float else {kind}
     allowed = " or ".join("null" if kind is types.NoneType else getattr(kind, "__name__", str(kind)) for kind in kinds)
-    raise ValueError(f"{path.removeprefix('.') or 'the message'}: {str(value)[:80]!r} is not {allowed}")
+
+    def parse(value: Any) -> Any:
+        if type(value) in scalars:
+            return value
+        if isinstance(value, str) and (value in members or str in scalars):
+            return members.get(value, value)
+        for kind, build in builders:
+            if isinstance(value, kind):
+                return build(value)
+        raise _FieldError(f"{str(value)[:80]!r} is not {allowed}")
+
+    return parse
 
 
-def _parse_fields(cls: Any, table: dict[str, Any], path: str) -> Any:
-    required, kinds = required_of_fields(cls), types_of_fields(cls)
-    for name in table:
-        if name not in required:
-            raise ValueError(
-                f"{f'{path}.{name}'.removeprefix('.')[:80]}: unknown field; there are {', '.join(required)}"
-            )
+def _parse_dict(parse: Callable[[Any], Any], table: dict[str, Any]) -> dict[str, Any]:
+    key = ""
+    try:
+        return {(key := name): parse(item) for name, item in table.items()}
+    except _FieldError as error:
+        error.path.append(f".{key}")
+        raise
+
+
+def _parse_list(parse: Callable[[Any], Any], items: list[Any]) -> tuple[Any, ...]:
+    parsed = list[Any]()
+    try:
+        parsed.extend(map(parse, items))
+    except _FieldError as error:
+        error.path.append(f"[{len(parsed)}]")
+        raise
+    return tuple(parsed)
+
+
+def _parse_fields(cls: Any, table: dict[str, Any]) -> Any:
+    required, parsers = required_of_fields(cls), _parsers_of_fields(cls)
+    if not table.keys() <= parsers.keys():
+        unknown = next(name for name in table if name not in parsers)
+        raise _FieldError(f"unknown field; there are {', '.join(required)}", f".{unknown}")
     for name, is_required in required.items():
         if is_required and name not in table:
-            raise ValueError(f"{f'{path}.{name}'.removeprefix('.')}: is missing")
-    return cls(**{name: _parse(kinds[name], item, f"{path}.{name}") for name, item in table.items()})
+            raise _FieldError("is missing", f".{name}")
+    name = ""
+    try:
+        values = {(name := key): parsers[key](item) for key, item in table.items()}
+    except _FieldError as error:
+        error.path.append(f".{name}")
+        raise
+    return cls(**values)
+
+
+@cache
+def _parsers_of_fields(cls: type) -> dict[str, Callable[[Any], Any]]:
+    return {name: _parser(kinds) for name, kinds in types_of_fields(cls).items()}
