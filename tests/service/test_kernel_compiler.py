@@ -10,7 +10,8 @@ import pytest
 
 from fti import config as configuration
 from fti import kernel
-from fti.config import Config
+from fti.config import Config, Nav
+from fti.service.navigation import __main__ as navigation
 from fti.service.navigation import kernel_compiler
 from tests.helpers import ROOT
 
@@ -54,6 +55,16 @@ def test_what_is_missing_is_compiled_elsewhere_for_this_configuration(
     kernel_compiler.ensure_kernels_compiled(without(demo, "filter"))
     kernel_compiler.ensure_kernels_compiled(without(demo, "filter", "terrain", "approach"))
     assert [Config.model_validate_json(text).nav.filter is None for text in started] == [False, True, True]
+
+
+def test_a_daemon_that_navigates_by_nothing_starts_without_kernels(
+    demo: Config, started: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel, "is_cached", lambda _: False)
+    navigation._load_kernels(demo.model_copy(update={"nav": Nav()}))
+    assert started == []
+    navigation._load_kernels(without(demo, "filter", "approach", "terrain"))  # its receivers are tested by their ranges
+    assert len(started) == 1
 
 
 def test_the_process_compiles_what_navigation_uses(demo: Config) -> None:

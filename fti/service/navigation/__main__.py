@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fti.clock import SystemClock
-from fti.config import Config
+from fti.config import Config, position_sources
 from fti.logger.file_mode import set_file_mode
 from fti.messages.control import ToNavigation
-from fti.nav.kernel_warmup import warm_up
 from fti.service.control_channel import await_startup
 from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
 from fti.service.navigation.process import NavigationProcess
@@ -39,9 +38,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _load_kernels(config: Config) -> None:
-    """Load all kernels but those of the terrain before the first frame; frames wait in the ring meanwhile."""
-    ensure_kernels_compiled(config)
-    warm_up(config, None)
+    """Load all kernels but those of the terrain before the first frame; frames wait in the ring meanwhile.
+
+    Without a source of position, filter and approach none is used: such a daemon starts at once.
+    """
+    if position_sources(config.nav) or config.nav.filter or config.nav.approach:
+        from fti.nav.kernel_warmup import warm_up  # noqa: PLC0415 - filter, integrity, terrain: only loaded if needed
+
+        ensure_kernels_compiled(config)
+        warm_up(config, None)
 
 
 def _end_before_recorder() -> None:
