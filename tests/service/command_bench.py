@@ -63,7 +63,7 @@ class Bench:
             self.clock,
             send=self._send,
             report_event=lambda level, text: self.events.append((level, text)),
-            changed=self.shown.append,
+            changed=lambda command: self.shown.append(to_table(command)),
             delay_reason=lambda: self.hint,
         )
 

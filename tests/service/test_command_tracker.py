@@ -10,6 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fti.messages.control import DeviceAnswer
+from fti.messages.tables import to_table
 from fti.service.supervisor.command_catalogue import CommandDenied
 from fti.service.supervisor.command_request import CommandState
 from fti.service.supervisor.command_tracker import LATE_NS, MAX_EARLY_ANSWERS, MAX_OPEN, MAX_UNEXPECTED
@@ -57,11 +58,11 @@ async def test_a_denied_command_is_not_sent_and_has_a_reason(bench: Bench, field
 
 def test_the_catalogue_teaches() -> None:
     catalogue = make_catalogue()
-    known = {device["name"]: device for device in catalogue.describe()}
+    known = {device.name: to_table(device) for device in catalogue.describe()}
     assert list(known) == ["mag", "other", "shut", "gnss"]
     assert known["mag"]["commands"]["rate"]["arguments"] == {"rate": "Hz, 1 to 20"}
     assert [known[name]["transmit"] for name in known] == [True, True, False, True]
-    assert [device["name"] for device in catalogue.usable()] == ["mag", "other"]
+    assert [device.name for device in catalogue.usable()] == ["mag", "other"]
     with pytest.raises(CommandDenied):
         catalogue.encode("shut", "reset", {})
 
@@ -323,7 +324,7 @@ async def test_commands_that_wait_are_bounded(bench: Bench) -> None:
 async def test_the_page_gets_the_last_ones(bench: Bench) -> None:
     for n in range(30):
         await (await bench.ask_and_send(f"k{n}", "reset"))
-    assert [request["number"] for request in bench.command_tracker.recent()] == list(range(11, 31))
+    assert [request.number for request in bench.command_tracker.recent()] == list(range(11, 31))
 
 
 # ---------------------------------------------------------------------------------------------------- in any order

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from fti.config import Config
 from fti.devices import BoundDevice
+from fti.messages.control import CommandDescription, DeviceCommands
 
 
 class CommandDenied(ValueError):
@@ -32,22 +31,25 @@ class CommandCatalogue:
         self._devices = {bound.device.name: bound for bound in devices}
         self._transmit = {link.name: link.transmit for link in config.link}
 
-    def describe(self) -> list[dict[str, Any]]:
-        """Every device: name, driver, link, whether it may transmit, commands with their arguments."""
+    def describe(self) -> list[DeviceCommands]:
+        """Every device with its commands."""
         return [
-            {
-                "name": name,
-                "driver": bound.device.driver,
-                "link": bound.device.link,
-                "transmit": self._transmit[bound.device.link],
-                "commands": {key: dataclasses.asdict(c) for key, c in bound.driver.COMMANDS.items()},
-            }
+            DeviceCommands(
+                name=name,
+                driver=bound.device.driver,
+                link=bound.device.link,
+                transmit=self._transmit[bound.device.link],
+                commands={
+                    key: CommandDescription(c.does, dict(c.arguments), c.answered)
+                    for key, c in bound.driver.COMMANDS.items()
+                },
+            )
             for name, bound in self._devices.items()
         ]
 
-    def usable(self) -> list[dict[str, Any]]:
-        """The rows of ``describe`` with commands, on links that may transmit."""
-        return [device for device in self.describe() if device["transmit"] and device["commands"]]
+    def usable(self) -> list[DeviceCommands]:
+        """The devices with commands, on links that may transmit."""
+        return [device for device in self.describe() if device.transmit and device.commands]
 
     def is_polled(self, device: str) -> bool:
         """The recorder polls the device, so it answers without a command."""

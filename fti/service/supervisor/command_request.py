@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from fti.messages.control import DeviceAnswer
+from fti.messages.control import CommandProgress, DeviceAnswer
 
 DEFAULT_TIMEOUT_S, MAX_TIMEOUT_S = 3.0, 600.0
 MAX_KEY_CHARS = 100
@@ -107,25 +107,25 @@ class TrackedCommand:
             after = f" after {max(0, self.answered_ns - self.sent_ns) / MS:.0f} ms"
         return f"{self.state}{after}" + (f": {self.detail}" if self.detail else "")
 
-    def describe(self) -> dict[str, Any]:
-        """All fields, in JSON types."""
-        return {
-            "id": self.command_request.key,
-            "number": self.number,
-            "device": self.command_request.device,
-            "command": self.command_request.command,
-            "args": dict(self.command_request.args),
-            "who": self.who,
-            "data": self.data.hex(),
-            "title": self.title(),
-            "outcome": self.outcome(),
-            "state": self.state.value,
-            "detail": self.detail,
-            "ended": self.end_event.is_set(),
-            "t_ns": self.t_ns,
-            "sent_ns": self.sent_ns,
-            "answered_ns": self.answered_ns,
-        }
+    def progress(self) -> CommandProgress:
+        """Its state, as displays and clients get it."""
+        return CommandProgress(
+            id=self.command_request.key,
+            number=self.number,
+            device=self.command_request.device,
+            command=self.command_request.command,
+            args=dict(self.command_request.args),
+            who=self.who,
+            data=self.data.hex(),
+            title=self.title(),
+            outcome=self.outcome(),
+            state=self.state.value,
+            detail=self.detail,
+            ended=self.end_event.is_set(),
+            t_ns=self.t_ns,
+            sent_ns=self.sent_ns,
+            answered_ns=self.answered_ns,
+        )
 
     def matches_answer(self, ack: DeviceAnswer, margin_ns: int) -> bool:
         """The answer is from this device, names this command or none, and did not come before it was sent."""

@@ -16,7 +16,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fti.clock import SECOND_NS, Clock
-from fti.messages.control import DeviceAnswer, SendBytes, SendResult
+from fti.messages.control import CommandProgress, DeviceAnswer, SendBytes, SendResult
+from fti.messages.tables import to_table
 from fti.service.supervisor.command_catalogue import CommandCatalogue, CommandDenied
 from fti.service.supervisor.command_request import CommandRequest, CommandState, TrackedCommand, parse_request
 
@@ -46,7 +47,7 @@ class CommandTracker:
 
     send         : sends a message to the recorder; False without a recorder
     report_event : publishes an event
-    changed      : called with ``TrackedCommand.describe`` whenever the state of a command changes
+    changed      : called whenever the state of a command changes
     delay_reason : reason why an answer may be late (navigation is behind, for example); "" if none
     """
 
@@ -57,7 +58,7 @@ class CommandTracker:
         *,
         send: Callable[[SendBytes], bool],
         report_event: ReportEvent,
-        changed: Callable[[dict[str, Any]], None],
+        changed: Callable[[CommandProgress], None],
         delay_reason: Callable[[], str],
     ) -> None:
         self.catalogue = catalogue
@@ -77,8 +78,10 @@ class CommandTracker:
         """Execute a request and return its final state; ``{"fault"}`` when it is denied."""
         request = self.begin(message, who)
         await request.end_event.wait()
-        found = request.describe()
-        return {"fault": request.detail} if request.state is CommandState.DENIED else found
+        if request.state is CommandState.DENIED:
+            return {"fault": request.detail}
+        table: dict[str, Any] = to_table(request.progress())
+        return table
 
     def begin(self, message: Mapping[str, Any], who: str) -> TrackedCommand:
         """Start the command of a request; returns the known command if its ``id`` is a repetition."""
@@ -90,9 +93,9 @@ class CommandTracker:
             return self._deny(command_request, who, f"id {command_request.key!r} is already used by another command")
         return first or self._start(command_request, who)
 
-    def recent(self) -> list[dict[str, Any]]:
-        """The last commands, oldest first (``TrackedCommand.describe``)."""
-        return [request.describe() for request in list(self._known.values())[-RECENT_COUNT:]]
+    def recent(self) -> list[CommandProgress]:
+        """The last commands, oldest first."""
+        return [request.progress() for request in list(self._known.values())[-RECENT_COUNT:]]
 
     def _start(self, command_request: CommandRequest, who: str) -> TrackedCommand:
         try:
@@ -119,7 +122,7 @@ class CommandTracker:
         until_ns = request.t_ns + round(request.command_request.timeout_s * SECOND_NS)
         if self._send(SendBytes(request.number, link, request.data.hex(), until_ns)):
             self._arm(request, request.command_request.timeout_s + CONFIRMATION_MARGIN_S)
-            self._changed(request.describe())
+            self._changed(request.progress())
         else:
             self._end(request, CommandState.NOT_SENT, "the recorder is restarting")
 
@@ -128,7 +131,7 @@ class CommandTracker:
         request = TrackedCommand(command_request, 0, who, self._clock.now_ns(), b"", answered=False)
         request.end(CommandState.DENIED, why)
         self._report_event("warning", f"not sent for {who}: {why}")
-        self._changed(request.describe())
+        self._changed(request.progress())
         return request
 
     def _remember(self, request: TrackedCommand) -> TrackedCommand:
@@ -152,7 +155,7 @@ class CommandTracker:
         else:
             request.state, request.sent_ns = CommandState.WAITING, result.t_ns
             self._arm(request, request.command_request.timeout_s)
-            self._changed(request.describe())
+            self._changed(request.progress())
             self._handle_early_answers(request)
 
     def on_ack(self, ack: DeviceAnswer) -> None:
@@ -228,7 +231,7 @@ class CommandTracker:
         if request.answered and state in (CommandState.TIMED_OUT, CommandState.UNKNOWN):
             self._abandoned.append(request)
         self._report_event(state.level, f"{request.title()}: {request.outcome()}")
-        self._changed(request.describe())
+        self._changed(request.progress())
         self._handle_early_answers(request)
 
     def _handle_early_answers(self, request: TrackedCommand) -> None:

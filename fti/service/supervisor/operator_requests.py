@@ -8,8 +8,6 @@ from typing import Any
 from fti.clock import Clock
 from fti.config import Config, position_sources
 from fti.messages.control import (
-    CommandProgress,
-    DeviceCommands,
     FromPage,
     PageAcknowledgement,
     PageCommand,
@@ -22,7 +20,7 @@ from fti.messages.control import (
 )
 from fti.messages.frames import ALL_SOURCES
 from fti.messages.outputs import Event
-from fti.messages.tables import from_table, to_table
+from fti.messages.tables import to_table
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.child_monitor import RecorderOutbox
 from fti.service.supervisor.command_tracker import CommandTracker
@@ -59,7 +57,7 @@ class OperatorRequests:
         if isinstance(command.get("send"), dict):
             return await self._command_tracker.handle_command(command["send"], who)
         if "commands" in command:
-            return {"devices": self._command_tracker.catalogue.describe()}
+            return {"devices": [to_table(device) for device in self._command_tracker.catalogue.describe()]}
         if "readmit" in command:
             return self._readmit(command["readmit"], who)
         if "acknowledge" in command:
@@ -68,10 +66,9 @@ class OperatorRequests:
 
     def send_commands_to_display(self) -> None:
         """After the start of the display process, send it catalogue and recent commands."""
-        devices = self._command_tracker.catalogue.usable()
-        self._send_to_display(UsableDevices(tuple(from_table(DeviceCommands, device) for device in devices)))
+        self._send_to_display(UsableDevices(tuple(self._command_tracker.catalogue.usable())))
         for command in self._command_tracker.recent():
-            self._send_to_display(from_table(CommandProgress, command))
+            self._send_to_display(command)
 
     def on_page_message(self, message: FromPage) -> None:
         """Execute a request of the display process."""

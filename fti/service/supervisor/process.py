@@ -24,7 +24,6 @@ from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
 from fti.messages.control import (
     ClockStepNotice,
-    CommandProgress,
     DeviceAnswer,
     FileNumber,
     FromChild,
@@ -48,7 +47,7 @@ from fti.messages.frames import ALL_SOURCES
 from fti.messages.notes import AlarmReportRecord
 from fti.messages.outputs import Event
 from fti.messages.refusals import CarriedRefusal
-from fti.messages.tables import from_table, to_table
+from fti.messages.tables import to_table
 from fti.service import control_channel
 from fti.service.children import Child, ProcessState
 from fti.service.fault_guard import catch_failures
@@ -167,7 +166,7 @@ class Supervisor:
             self._clock,
             send=self._outbox.send,
             report_event=lambda level, text: self._event_publisher.publish_event(level, "command", text),
-            changed=lambda command: self._send_to_display(from_table(CommandProgress, command)),
+            changed=self._send_to_display,
             delay_reason=self._board.answer_delay_reason,
         )
 
