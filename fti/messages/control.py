@@ -29,7 +29,7 @@ class Hurry:
 
 @dataclass(frozen=True, slots=True)
 class EventNote:
-    """The recorder must record an event.  who : the user who caused it, "" if nobody did"""
+    """The recorder must record an event.  who : the user who caused it; empty if no user did"""
 
     event: Event
     who: str = ""
@@ -203,7 +203,7 @@ class Refusals:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceAnswer:
-    """An answer of a device to a command, at its arrival.  command : "" where the answer does not name it"""
+    """An answer of a device to a command, at its arrival.  command : empty if the answer does not name it"""
 
     device: str
     t_ns: Nanoseconds

@@ -100,8 +100,10 @@ def find_edge(spectrum: Array, threshold: float, margin: float, noise: float) ->
         first += 1
     if not peak > 0.0:
         return math.nan, peak, _NO_RETURN
-    if first in {0, len(spectrum)}:
-        return math.nan, peak, _TOO_NEAR if first == 0 else _WEAK
+    if first == 0:
+        return math.nan, peak, _TOO_NEAR
+    if first == len(spectrum):
+        return math.nan, peak, _WEAK
     return _by_slopes(spectrum, first, level, noise), peak, _VALID
 
 
