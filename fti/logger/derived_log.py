@@ -17,13 +17,12 @@ from fti.logger.split_log import SplitLog
 from fti.messages.measurements import DmeRange, Measurement, Reading, SurfaceDeflection
 from fti.messages.notes import NavigationNote
 from fti.messages.outputs import Event, NavSolution, Output
-from fti.messages.tables import to_table
 from fti.messages.topics import (
     EVENT_TOPIC,
     LOCATION_TOPIC,
-    NOTE_TOPICS,
     UNDECIMATED,
     measurement_topic,
+    note_message,
     output_topic,
 )
 
@@ -118,7 +117,7 @@ class DerivedLog(SplitLog):
 
     def write_note(self, note: NavigationNote) -> None:
         """Write a note of navigation; log time is its time."""
-        self.write_table(NOTE_TOPICS[type(note)], note.t_ns, to_table(note))
+        self.write_table(*note_message(note))
 
     def write_table(self, topic: str, t_ns: int, content: Mapping[str, Any]) -> None:
         """Write a note as a table.  Raises ValueError for a topic without notes."""

@@ -7,7 +7,7 @@ import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 from fti.messages.health import HealthRecord
 from fti.messages.ledger import LedgerRecord
@@ -18,6 +18,7 @@ from fti.messages.notes import (
     ClockRecord,
     DeviceClockRecord,
     GapRecord,
+    NavigationNote,
     ReadmissionRecord,
     TerrainRecord,
 )
@@ -35,6 +36,7 @@ from fti.messages.outputs import (
     SourceValidity,
     VerticalSolution,
 )
+from fti.messages.tables import to_table
 
 FileKind = Literal["raw", "derived", "snapshot", "truth"]
 
@@ -81,7 +83,14 @@ NOTE_CLASSES: dict[str, type] = {
     TERRAIN_TOPIC: TerrainRecord,
     READMISSION_TOPIC: ReadmissionRecord,
 }
-NOTE_TOPICS = {cls: topic for topic, cls in NOTE_CLASSES.items()}
+_NOTE_TOPICS = {cls: topic for topic, cls in NOTE_CLASSES.items()}
+#: A note of the service.
+Note = HealthRecord | LedgerRecord | ClockRecord | AlarmRecord | NavigationNote
+
+
+def note_message(note: Note) -> tuple[str, int, dict[str, Any]]:
+    """Topic, FTI time [ns] and table of a note, as it is recorded."""
+    return _NOTE_TOPICS[type(note)], note.t_ns, to_table(note)
 
 
 def schema_name(kind: type) -> str:

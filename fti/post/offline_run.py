@@ -32,7 +32,7 @@ from fti.messages.health import NavigationHealth
 from fti.messages.notes import AlarmRecord, AlarmReportRecord
 from fti.messages.outputs import Event
 from fti.messages.tables import to_table
-from fti.messages.topics import ALARM_TOPIC, EVENT_TOPIC, HEALTH_TOPIC
+from fti.messages.topics import EVENT_TOPIC, HEALTH_TOPIC, note_message
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.navigation.terrain_loader import load_terrain
@@ -139,7 +139,7 @@ class OfflineSession:
 
     def _record_alarm(self, change: RecorderNote) -> None:
         if isinstance(change, AlarmRecord):  # the alarm board has no other notes
-            self._raw.write_json(ALARM_TOPIC, change.t_ns, to_table(change))
+            self._raw.write_json(*note_message(change))
 
     def _publish_health(self, t_ns: int) -> None:
         """Compose health twice a second and record it once a second, as the daemon does."""

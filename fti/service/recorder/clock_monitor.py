@@ -8,8 +8,7 @@ from typing import Any
 from fti.clock import SECOND_NS, SystemClock
 from fti.messages.control import ClockStepNotice
 from fti.messages.notes import ClockRecord
-from fti.messages.tables import to_table
-from fti.messages.topics import CLOCK_TOPIC
+from fti.messages.topics import note_message
 
 #: Topic, FTI time [ns] and content of a note.
 RecordNote = Callable[[str, int, dict[str, Any]], None]
@@ -23,8 +22,7 @@ def report_clocks(clock: SystemClock, record_note: RecordNote, report_event: Rep
 
     send : sends a message to the supervisor, which raises the alarm
     """
-    sample = ClockRecord(**clock.sample())
-    record_note(CLOCK_TOPIC, sample.t_ns, to_table(sample))
+    record_note(*note_message(ClockRecord(**clock.sample())))
     for step in clock.take_steps():
         text = f"the real-time clock was stepped by {step.size_ns / SECOND_NS:+.3f} s; FTI time is not affected"
         report_event("warning", "clock", text)

@@ -9,8 +9,7 @@ from typing import Any
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.frame_batch import FrameBatch, NumberedFrame, iter_frames
 from fti.messages.notes import GapRecord
-from fti.messages.tables import to_table
-from fti.messages.topics import GAP_TOPIC
+from fti.messages.topics import note_message
 
 #: Topic, time [ns] and content of a note.
 RecordNote = Callable[[str, int, dict[str, Any]], None]
@@ -66,7 +65,7 @@ class LogSource:
         """Record a note for each run of dropped frames that has ended; final : also for the present one."""
         for span in self.buffer.take_drops(final=final):
             gap = GapRecord(t_ns=span.last_t_ns, kind="buffer_overflow", link=self.link, **asdict(span))
-            record_note(GAP_TOPIC, gap.t_ns, to_table(gap))
+            record_note(*note_message(gap))
 
     def mark_written(self) -> None:
         """The recorded batches were written to the file."""

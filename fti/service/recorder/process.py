@@ -31,7 +31,7 @@ from fti.messages.health import HealthRecord
 from fti.messages.notes import AlarmRecord
 from fti.messages.outputs import Event
 from fti.messages.tables import to_table
-from fti.messages.topics import ALARM_TOPIC, EVENT_TOPIC, HEALTH_TOPIC, LEDGER_TOPIC
+from fti.messages.topics import EVENT_TOPIC, note_message
 from fti.service.control_channel import ControlChannel
 from fti.service.fault_guard import catch_failures, keep_running
 from fti.service.recorder.clock_monitor import report_clocks
@@ -213,7 +213,7 @@ class RecorderProcess:
             self._report_reception(now)
             self._channel.send(self._health(now))
             if cycle % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
-                self._writer.add_note(LEDGER_TOPIC, now, to_table(self._ledger.read(now)))
+                self._writer.add_note(*note_message(self._ledger.read(now)))
                 report_clocks(self._clock, self._writer.add_note, self._send_event, self._channel.send)
             cycle += 1
             await _until_beat(HEALTH_PERIOD_S)
@@ -252,8 +252,7 @@ class RecorderProcess:
             case EventNote(event, who):
                 self._writer.add_note(EVENT_TOPIC, event.t_ns, {**to_table(event), "who": who})
             case AlarmRecord() | HealthRecord():
-                topic = ALARM_TOPIC if isinstance(message, AlarmRecord) else HEALTH_TOPIC
-                self._writer.add_note(topic, message.t_ns, to_table(message))
+                self._writer.add_note(*note_message(message))
             case SnapshotTrigger(text, t_ns) if self._snapshot:
                 self._snapshot.trigger(text, t_ns)
             case SendBytes():
@@ -289,7 +288,7 @@ class RecorderProcess:
         if self._snapshot:
             await asyncio.to_thread(self._snapshot.stop)
         now = self._clock.now_ns()
-        self._writer.add_note(LEDGER_TOPIC, now, to_table(self._ledger.read(now, final=True)))
+        self._writer.add_note(*note_message(self._ledger.read(now, final=True)))
         await asyncio.to_thread(self._writer.finish)
         self._ring.end()
         self._channel.send(self._health(now))
