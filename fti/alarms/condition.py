@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from fti.messages.notes import AlarmReportRecord
 
@@ -31,8 +32,7 @@ class Severity(StrEnum):
         return list(Severity).index(self)
 
 
-@dataclass(frozen=True, slots=True)
-class Condition:
+class Condition(Struct, frozen=True, gc=False):
     """A fault of a subject.
 
     id    : identity of its alarm; a subject has one condition at a time, each kind with its own identity
@@ -51,8 +51,7 @@ class Condition:
     is_latched: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class ConditionReport:
+class ConditionReport(Struct, frozen=True, gc=False):
     """The condition of a subject from t_ns [ns] on; None: no fault."""
 
     t_ns: int

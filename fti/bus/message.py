@@ -35,7 +35,7 @@ class MessageError(ValueError):
 def encode_with_age(payload_fields: Mapping[str, Any], t_ns: int, now_ns: int, max_age_ms: float) -> bytes:
     """Payload of one output with its age.
 
-    payload_fields : the output as a mapping (``dataclasses.asdict``)
+    payload_fields : the output as a mapping (``msgspec.structs.asdict``)
     t_ns, now_ns   : time of the output and of publishing, both FTI time [ns]
     """
     age_ms = (now_ns - t_ns) / NS_PER_MS

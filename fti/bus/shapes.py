@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
 from functools import lru_cache
 from typing import Any, NamedTuple
+
+from msgspec.structs import fields
 
 from fti.messages.topics import BUS_ALARMS, BUS_EMULATOR, BUS_EVENT, BUS_HEALTH, OUTPUT_CLASSES, SOURCE_FIELDS
 from fti.messages.units import union_members
@@ -132,7 +133,7 @@ def shape_of(topic: str) -> Shape | None:
     if cls is None or bool(sensor) != (cls in SOURCE_FIELDS):
         return ANY_OUTPUT
     hints = typing.get_type_hints(cls)
-    shapes = {f.name + ("" if f.default is MISSING else "?"): _shape_of_hint(hints[f.name]) for f in fields(cls)}
+    shapes = {f.name + ("" if f.required else "?"): _shape_of_hint(hints[f.name]) for f in fields(cls)}
     return {**STAMP, **shapes}
 
 
@@ -140,7 +141,7 @@ def shape_of(topic: str) -> Shape | None:
 def defaults_of(topic: str) -> Mapping[str, Any]:
     """Default values of fields that a publisher of an earlier version may omit."""
     cls = OUTPUT_CLASSES.get(topic.removeprefix("/nav/").partition("/")[0])
-    return {f.name: f.default for f in fields(cls) if f.default is not MISSING} if cls else {}
+    return {f.name: f.default for f in fields(cls) if not f.required} if cls else {}
 
 
 def _shape_of_hint(hint: Any) -> Shape:

@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from fti.drivers import Counters
 from fti.drivers._node_supervision import NodeSupervisor, node_status
 from fti.formats.can_identifiers import frame_head, skip_reason
-from fti.formats.fast_messages import fast_stamp
 from fti.messages.measurements import Measurement, Stamp
 
 
@@ -24,9 +23,9 @@ class BusDecoder(ABC):
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         self.counters.bytes_in += len(data)
         conditions = self._watch.tick(t_rx_ns)
-        measurements: list[Measurement] = [node_status(fast_stamp(t_rx_ns), conditions)] if conditions else []
+        measurements: list[Measurement] = [node_status(Stamp(t_rx_ns), conditions)] if conditions else []
         word, length = frame_head(data)
-        reason = self._decode_frame(word, data[8 : 8 + length], fast_stamp(t_rx_ns), measurements)
+        reason = self._decode_frame(word, data[8 : 8 + length], Stamp(t_rx_ns), measurements)
         if reason:
             self.counters.skipped[skip_reason(data) if reason == "other_id" else reason] += len(data)
         else:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from fti.formats import nmea_fields as fields
 from fti.messages.measurements import Satellite, Satellites, Stamp

@@ -12,7 +12,7 @@ with the names of message and field, so that no data are lost or mixed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from fti.messages.measurements import Measurement, RadioHeight, Range, Reading
 
@@ -96,12 +96,12 @@ def _takes_over(rank: int, valid: bool, now: int, source: ActiveSource) -> bool:
 def to_readings(prefix: str, measurement: Measurement) -> Iterator[Reading]:
     """Every number of a measurement, as ``prefix_field``; of a vector, as ``prefix_field_x`` and so on."""
     valid = getattr(measurement, "valid", True)
-    for field in fields(measurement):
-        if (unit := UNIT_OF.get(field.name)) is None:
+    for field in measurement.__struct_fields__:
+        if (unit := UNIT_OF.get(field)) is None:
             continue
-        value = getattr(measurement, field.name)
+        value = getattr(measurement, field)
         parts = zip(("_x", "_y", "_z"), value, strict=True) if isinstance(value, tuple) else [("", value)]
         for axis, number in parts:
             if number is not None:
-                name = f"{prefix}_{field.name}{axis}"
+                name = f"{prefix}_{field}{axis}"
                 yield Reading(stamp=measurement.stamp, name=name, value=number, unit=unit, valid=valid)

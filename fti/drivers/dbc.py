@@ -43,7 +43,6 @@ from fti.drivers._node_supervision import NodeSupervisor, node_status
 from fti.formats.can_identifiers import frame_head, skip_reason
 from fti.formats.dbc_makers import Maker, maker_of, quantity_scale
 from fti.formats.dbc_messages import DbcMessage, DbcSignal, read_layouts
-from fti.formats.fast_messages import fast_stamp
 from fti.formats.quantities import QUANTITIES
 from fti.messages.measurements import Measurement, Reading, Stamp
 
@@ -125,7 +124,7 @@ class Decoder:
             return [node_status(Stamp(t_rx_ns), conditions)] if conditions else []
         counters.framed += len(data)
         counters.messages[plan.name] += 1
-        return self._decode(plan, data[8 : 8 + plan.length], fast_stamp(t_rx_ns))
+        return self._decode(plan, data[8 : 8 + plan.length], Stamp(t_rx_ns))
 
     def _decode(self, plan: MessagePlan, data: bytes, stamp: Stamp) -> list[Measurement]:
         little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from fti.formats.dbc_messages import DbcSignal
-from fti.formats.fast_messages import fast_reading
 from fti.formats.quantities import QUANTITIES, to_si
 from fti.messages.measurements import Measurement, Reading, Stamp
 
@@ -55,7 +54,7 @@ def _reading_maker(name: str, signal: DbcSignal) -> Maker:
 
     def convert(stamp: Stamp, little: int, big: int) -> Reading:
         value = extract(little, big) * factor + offset
-        return fast_reading(stamp, name, value, unit, low <= value <= high)
+        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=low <= value <= high)
 
     return convert
 
@@ -69,7 +68,7 @@ def _state_maker(name: str, signal: DbcSignal) -> Maker:
         if raw not in names:
             return numbers(stamp, little, big)
         value, valid = (None, False) if is_physical else (float(raw), True)
-        return fast_reading(stamp, name, value, unit, valid, text=names[raw])
+        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=names[raw])
 
     return convert
 
@@ -80,6 +79,6 @@ def _float_maker(name: str, signal: DbcSignal) -> Maker:
     def convert(stamp: Stamp, little: int, big: int) -> Reading:
         raw = extract(little, big)
         value, valid = physical(raw)
-        return fast_reading(stamp, name, value, unit, valid, text=names.get(raw, ""))
+        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=names.get(raw, ""))
 
     return convert

@@ -6,11 +6,11 @@ A quantity is a field of a measurement class; a unit is a factor and an offset t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from fti.constants import FOOT, NAUTICAL_MILE, STANDARD_GRAVITY
-from fti.formats.fast_messages import fast_maker
 from fti.formats.unit_factors import DEGREE, FOOT_PER_MINUTE, HECTOPASCAL, INCH_HG, KELVIN_AT_0_C, KNOT
 from fti.geodesy.formulas import wrap_heading
 from fti.messages.measurements import (
@@ -91,10 +91,11 @@ class Quantity:
 
     def maker(self) -> Callable[[Stamp, float, bool], Measurement]:
         """``make`` for existing values, for buses with thousands of messages a second."""
-        make = fast_maker(self.measurement, self.field, dict(self.constant))
-        if self.sign == 1 and self.field not in ("heading", "track"):
-            return make
-        return lambda stamp, value, valid: make(stamp, self._signed(value), valid)
+        kind: Callable[..., Measurement] = self.measurement
+        make, name = partial(kind, **dict(self.constant)), self.field
+        if self.sign == 1 and name not in ("heading", "track"):
+            return lambda stamp, value, valid: make(stamp=stamp, valid=valid, **{name: value})
+        return lambda stamp, value, valid: make(stamp=stamp, valid=valid, **{name: self._signed(value)})
 
     def pick(self, measurement: Measurement) -> float | None:
         """The value of this quantity in a measurement; None if the measurement does not carry it."""
@@ -112,7 +113,7 @@ class Quantity:
             type(measurement) is self.measurement
             and not getattr(measurement, "valid", True)
             and all(getattr(measurement, name) == value for name, value in self.constant)
-            and all(getattr(measurement, f.name) is None for f in fields(measurement) if f.name in _VALUES)
+            and all(getattr(measurement, name) is None for name in measurement.__struct_fields__ if name in _VALUES)
         )
 
     def _signed(self, value: float | None) -> float | None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import operator
 import typing
 from collections.abc import Callable, Mapping
 from typing import Any
+
+from msgspec import structs
 
 from fti.logger import foxglove, schemas
 from fti.logger.encoding import encode
@@ -36,7 +37,7 @@ def _make_stream_key(kind: Any) -> Callable[[Any], object]:
 
     Each stream is decimated alone.  Roll, pitch and heading of an ARINC 429 line are three streams of Attitude.
     """
-    names = [field.name for field in dataclasses.fields(kind) if field.default is None]
+    names = [field.name for field in structs.fields(kind) if field.default is None]
     stream_field = STREAM_FIELD.get(kind)
     if stream_field:
         return lambda m: (getattr(m, stream_field), *[getattr(m, name) is None for name in names])

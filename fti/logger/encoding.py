@@ -7,17 +7,17 @@ writes them (docs/decisions/0022).
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import orjson
+from msgspec import Struct, structs
 
 
 def encode(obj: Any) -> bytes:
-    """Encode a dataclass or table as JSON.  Raises TypeError for types that JSON cannot represent.
+    """Encode a message or table as JSON.  Raises TypeError for types that JSON cannot represent.
 
     An invalid character (a stray byte of a command line) becomes a question mark.  The last of duplicate keys counts.
     """
@@ -29,7 +29,9 @@ def encode(obj: Any) -> bytes:
 
 
 def _to_known_type(value: Any) -> Any:
-    """Convert numpy floats and other mappings and sequences to a type that orjson supports."""
+    """Convert messages, numpy floats and other mappings and sequences to a type that orjson supports."""
+    if isinstance(value, Struct):
+        return structs.asdict(value)
     if isinstance(value, float):
         return float(value)
     if isinstance(value, Mapping):
@@ -43,8 +45,6 @@ def _plain(value: Any) -> Any:
     """Convert a value to types that ``json`` supports."""
     if value is None or isinstance(value, bool | str | int):
         return value
-    if dataclasses.is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     known = _to_known_type(value)
     if isinstance(known, dict):
         return {str(key): _plain(item) for key, item in known.items()}

@@ -82,6 +82,6 @@ def _same(before: Any, now: Any) -> bool:
     if isinstance(before, dict) and isinstance(now, dict):
         keys_are = before.keys() == now.keys()
         return keys_are and all(key in VOLATILE_FIELDS or _same(value, now[key]) for key, value in before.items())
-    if isinstance(before, list) and isinstance(now, list):
+    if isinstance(before, list | tuple) and isinstance(now, list | tuple):
         return len(before) == len(now) and all(map(_same, before, now))
     return bool(before == now)

@@ -6,7 +6,6 @@ A viewer (Foxglove) needs one plain ``type`` per field; a validator must allow n
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import typing
 from dataclasses import dataclass
@@ -14,13 +13,14 @@ from enum import StrEnum
 from functools import cache
 from typing import Any
 
+from msgspec import UnsetType
+
 from fti.logger import foxglove
 from fti.logger.encoding import encode
 from fti.messages.outputs import Event, HeightAboveGround
-from fti.messages.tables import Absent, present_members
 from fti.messages.topic_fields import units
 from fti.messages.topics import EVENT_TOPIC, NOTE_CLASSES, schema_name
-from fti.messages.units import union_members
+from fti.messages.units import present_members, union_members
 
 JSON_SCHEMA = "jsonschema"
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -47,7 +47,7 @@ DESCRIPTIONS: dict[type, str] = {
 
 
 def json_schema(cls: type) -> Json:
-    """JSON schema of a dataclass."""
+    """JSON schema of a message."""
     definitions: Json = {}
     root = _object_schema(cls, definitions)
     description = {"description": DESCRIPTIONS[cls]} if cls in DESCRIPTIONS else {}
@@ -55,7 +55,7 @@ def json_schema(cls: type) -> Json:
 
 
 def schema_of(cls: type) -> Schema:
-    """The JSON schema of a dataclass as an MCAP schema."""
+    """The JSON schema of a message as an MCAP schema."""
     if cls not in _SCHEMAS:
         text = json.dumps(json_schema(cls), separators=(",", ":"))
         _SCHEMAS[cls] = Schema(schema_name(cls), JSON_SCHEMA, text.encode())
@@ -64,11 +64,10 @@ def schema_of(cls: type) -> Schema:
 
 def _object_schema(cls: Any, definitions: Json) -> Json:
     hints = typing.get_type_hints(cls)
-    names = [field.name for field in dataclasses.fields(cls)]
-    properties = {name: _field_schema(hints[name], definitions) for name in names}
+    properties = {name: _field_schema(hint, definitions) for name, hint in hints.items()}
     for name in properties.keys() & units(cls).keys():
         properties[name]["description"] = f"[{units(cls)[name]}]"
-    required = [name for name in names if Absent not in union_members(hints[name])]
+    required = [name for name, hint in hints.items() if UnsetType not in union_members(hint)]
     return {"type": "object", "properties": properties, "required": required}
 
 

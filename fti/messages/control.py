@@ -5,46 +5,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import field
 
 from fti.messages.health import DeviceHealth, HealthRecord, LinkHealth, NavigationHealth, SnapshotHealth, StorageHealth
 from fti.messages.ledger import LedgerRecord
 from fti.messages.notes import AlarmRecord, AlarmReportRecord
 from fti.messages.outputs import Event
 from fti.messages.refusals import CarriedRefusal
+from fti.messages.tables import Message
 from fti.messages.units import Bytes, Count, Nanoseconds
 
 # ---------------------------------------------------------------------------------------------- from the supervisor
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
+class Stop(Message):
     """The process must end."""
 
 
-@dataclass(frozen=True, slots=True)
-class Hurry:
+class Hurry(Message):
     """Navigation must end although its ring is not empty."""
 
 
-@dataclass(frozen=True, slots=True)
-class EventNote:
+class EventNote(Message):
     """The recorder must record an event.  who : the user who caused it; empty if no user did"""
 
     event: Event
     who: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class SnapshotTrigger:
+class SnapshotTrigger(Message):
     """The recorder must write a snapshot around t_ns."""
 
     text: str
     t_ns: Nanoseconds
 
 
-@dataclass(frozen=True, slots=True)
-class SendBytes:
+class SendBytes(Message):
     """The recorder must send data (hexadecimal) on a link.  until_ns : deadline, if there is one"""
 
     id: Count
@@ -53,22 +49,19 @@ class SendBytes:
     until_ns: Nanoseconds | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Readmit:
+class Readmit(Message):
     """Navigation must readmit a source, or all (``*``)."""
 
     source: str
 
 
-@dataclass(frozen=True, slots=True)
-class PageKey:
+class PageKey(Message):
     """The command key of the page."""
 
     key: str
 
 
-@dataclass(frozen=True, slots=True)
-class CommandDescription:
+class CommandDescription(Message):
     """As ``Command`` of ``fti.drivers``."""
 
     does: str
@@ -76,8 +69,7 @@ class CommandDescription:
     answered: bool
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceCommands:
+class DeviceCommands(Message):
     """A device and its commands.  transmit : the link may transmit"""
 
     name: str
@@ -87,15 +79,13 @@ class DeviceCommands:
     commands: dict[str, CommandDescription]
 
 
-@dataclass(frozen=True, slots=True)
-class UsableDevices:
+class UsableDevices(Message):
     """The devices that take commands."""
 
     devices: tuple[DeviceCommands, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CommandProgress:
+class CommandProgress(Message, kw_only=True):
     """The state of a command to a device.
 
     id, number : chosen by the client, and of the session;  who : the user;  ended : the state is final
@@ -121,23 +111,20 @@ class CommandProgress:
 # ------------------------------------------------------------------------------------------------- to the supervisor
 
 
-@dataclass(frozen=True, slots=True)
-class Ready:
+class Ready(Message):
     """A process works.  fault : why the recorder has no file"""
 
     fault: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class FileNumber:
+class FileNumber(Message):
     """The recorder has taken the number of a raw file.  confirmed : the file was written"""
 
     number: Count
     confirmed: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecorderReport:
+class RecorderReport(Message, kw_only=True):
     """The part of health that the recorder knows; twice a second."""
 
     t_ns: Nanoseconds
@@ -147,23 +134,20 @@ class RecorderReport:
     next_seq: Count
 
 
-@dataclass(frozen=True, slots=True)
-class NavigationReport:
+class NavigationReport(Message):
     """The part of health that navigation knows; twice a second."""
 
     devices: dict[str, DeviceHealth]
     navigation: NavigationHealth
 
 
-@dataclass(frozen=True, slots=True)
-class ClockStepNotice:
+class ClockStepNotice(Message):
     """The real-time clock was stepped."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class SendResult:
+class SendResult(Message):
     """The end of a ``SendBytes``.  partly : a part was sent, or may still be sent, despite the fault"""
 
     id: Count
@@ -172,8 +156,7 @@ class SendResult:
     t_ns: Nanoseconds
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecorderEnd:
+class RecorderEnd(Message, kw_only=True):
     """The last message of the recorder, after its files are closed.
 
     ledger_recorded : the ledger is in a file;  fault : why a file could not be closed
@@ -187,22 +170,19 @@ class RecorderEnd:
     unsafe_bytes: Bytes
 
 
-@dataclass(frozen=True, slots=True)
-class TerrainLoading:
+class TerrainLoading(Message):
     """Navigation loads its terrain, or has ended loading."""
 
     is_loading: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Refusals:
+class Refusals(Message):
     """The refusals that the next navigation process must begin with."""
 
     refusals: tuple[CarriedRefusal, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceAnswer:
+class DeviceAnswer(Message, kw_only=True):
     """An answer of a device to a command, at its arrival.  command : empty if the answer does not name it"""
 
     device: str
@@ -212,22 +192,19 @@ class DeviceAnswer:
     detail: str
 
 
-@dataclass(frozen=True, slots=True)
-class PagePort:
+class PagePort(Message):
     """The page is served at a port."""
 
     port: Count
 
 
-@dataclass(frozen=True, slots=True)
-class PageFault:
+class PageFault(Message):
     """Why the page is not served, or a message was not understood."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class PageMark:
+class PageMark(Message):
     """A mark from the page.  who : user of the browser;  is_trigger : write a snapshot, too"""
 
     text: str
@@ -235,8 +212,7 @@ class PageMark:
     is_trigger: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class PageCommand:
+class PageCommand(Message):
     """A command to a device from the page.  id : chosen by the page for each click"""
 
     id: str
@@ -246,8 +222,7 @@ class PageCommand:
     args: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class PageAcknowledgement:
+class PageAcknowledgement(Message):
     """An acknowledgement of an alarm with its consequences from the page, or of all (None)."""
 
     alarm_id: str | None

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 
+from fti.messages.tables import Message
 from fti.messages.units import Count, Nanoseconds
 
 
-@dataclass(frozen=True, slots=True)
-class RawFrame:
+class RawFrame(Message):
     """Exactly one read of a serial line, one datagram or one CAN frame.
 
     link    : name of the link

@@ -5,10 +5,10 @@ Recorder and navigation report their parts to the supervisor, which composes the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import UNSET, UnsetType
 
 from fti.messages.ledger import LinkFrameAccount
-from fti.messages.tables import ABSENT, Absent
+from fti.messages.tables import Message
 from fti.messages.units import (
     Bytes,
     Count,
@@ -22,8 +22,7 @@ from fti.messages.units import (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SessionHealth:
+class SessionHealth(Message, kw_only=True):
     """The session.
 
     state       : recording, waiting (for the first file), storage_error, stopping
@@ -33,14 +32,13 @@ class SessionHealth:
     name: str
     folder: str
     origin: str
-    mode: str | Absent = ABSENT
+    mode: str | UnsetType = UNSET
     started_ns: Nanoseconds
     state: str
-    accelerated: str | Absent = ABSENT
+    accelerated: str | UnsetType = UNSET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProcessHealth:
+class ProcessHealth(Message, kw_only=True):
     """A process of the daemon.  pid : None while it does not run;  restarts : since the start of the session"""
 
     state: str
@@ -48,8 +46,7 @@ class ProcessHealth:
     restarts: Count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkHealth:
+class LinkHealth(Message, kw_only=True):
     """A link.  Flights in memory have no more than its state and its counts.
 
     state, hint  : of its best device while the port is good, otherwise of the port;  port_state : of the port
@@ -63,21 +60,20 @@ class LinkHealth:
     hint: str
     frames: Count
     bytes: Bytes
-    rate_hz: Hertz | Absent = ABSENT
-    age_ms: Milliseconds | Absent | None = ABSENT
-    connects: Count | Absent = ABSENT
-    stamp_refused: Count | Absent = ABSENT
-    dropped_frames: Count | Absent = ABSENT
-    dropped_bytes: Bytes | Absent = ABSENT
-    tx_frames: Count | Absent = ABSENT
-    echo_bytes: Bytes | Absent = ABSENT
-    load: dict[str, Ratio] | Absent = ABSENT
-    ledger: LinkFrameAccount | Absent = ABSENT
-    port_state: str | Absent = ABSENT
+    rate_hz: Hertz | UnsetType = UNSET
+    age_ms: Milliseconds | UnsetType | None = UNSET
+    connects: Count | UnsetType = UNSET
+    stamp_refused: Count | UnsetType = UNSET
+    dropped_frames: Count | UnsetType = UNSET
+    dropped_bytes: Bytes | UnsetType = UNSET
+    tx_frames: Count | UnsetType = UNSET
+    echo_bytes: Bytes | UnsetType = UNSET
+    load: dict[str, Ratio] | UnsetType = UNSET
+    ledger: LinkFrameAccount | UnsetType = UNSET
+    port_state: str | UnsetType = UNSET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClockHealth:
+class ClockHealth(Message, kw_only=True):
     """The clock of a device.
 
     offset_ms  : device - FTI time; GPS time is converted to UTC
@@ -99,8 +95,7 @@ class ClockHealth:
     refused: Count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceHealth:
+class DeviceHealth(Message, kw_only=True):
     """A device, as navigation decodes it.
 
     is_known : enough frames were processed to know that it is silent
@@ -123,23 +118,21 @@ class DeviceHealth:
     clocks: tuple[ClockHealth, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StorageHealth:
+class StorageHealth(Message, kw_only=True):
     """The storage; empty until the recorder has reported it.
 
     file, file_bytes, file_age_s : present file, its size, and the time since its last write
     """
 
-    file: str | Absent | None = ABSENT
-    file_bytes: Bytes | Absent = ABSENT
-    file_age_s: Seconds | Absent | None = ABSENT
-    free_mb: Megabytes | Absent | None = ABSENT
-    state: str | Absent = ABSENT
-    hint: str | Absent = ABSENT
+    file: str | UnsetType | None = UNSET
+    file_bytes: Bytes | UnsetType = UNSET
+    file_age_s: Seconds | UnsetType | None = UNSET
+    free_mb: Megabytes | UnsetType | None = UNSET
+    state: str | UnsetType = UNSET
+    hint: str | UnsetType = UNSET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SnapshotHealth:
+class SnapshotHealth(Message, kw_only=True):
     """The snapshot.  state : waiting, writing;  held_s, held_mb : content of its memory;  file : the last one"""
 
     state: str
@@ -148,8 +141,7 @@ class SnapshotHealth:
     file: str | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OutputDelay:
+class OutputDelay(Message, kw_only=True):
     """Delay of outputs, from the timestamp of a frame to the publication of its last output."""
 
     p50_ms: Milliseconds
@@ -157,8 +149,7 @@ class OutputDelay:
     max_ms: Milliseconds
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NavigationHealth:
+class NavigationHealth(Message, kw_only=True):
     """Navigation; empty until it has reported.
 
     lag_ms       : age of the newest processed frame
@@ -167,20 +158,19 @@ class NavigationHealth:
     hint         : why there is no present report
     """
 
-    lag_ms: Milliseconds | Absent = ABSENT
-    output_delay: OutputDelay | Absent | None = ABSENT
-    ring_lost_frames: Count | Absent = ABSENT
-    last_seq: Count | Absent = ABSENT
-    terrain: str | Absent | None = ABSENT
-    is_terrain_loading: bool | Absent = ABSENT
-    derived_lost: Count | Absent = ABSENT
-    bus_lost: Count | Absent = ABSENT
-    derived_fault: str | Absent | None = ABSENT
-    hint: str | Absent = ABSENT
+    lag_ms: Milliseconds | UnsetType = UNSET
+    output_delay: OutputDelay | UnsetType | None = UNSET
+    ring_lost_frames: Count | UnsetType = UNSET
+    last_seq: Count | UnsetType = UNSET
+    terrain: str | UnsetType | None = UNSET
+    is_terrain_loading: bool | UnsetType = UNSET
+    derived_lost: Count | UnsetType = UNSET
+    bus_lost: Count | UnsetType = UNSET
+    derived_fault: str | UnsetType | None = UNSET
+    hint: str | UnsetType = UNSET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HealthRecord:
+class HealthRecord(Message, kw_only=True):
     """Health of the daemon.
 
     complete, since_ns : as in the ledger, for links, devices and processes; of an entry that is not in a record only
@@ -195,5 +185,5 @@ class HealthRecord:
     storage: StorageHealth
     snapshot: SnapshotHealth | None
     navigation: NavigationHealth
-    complete: bool | Absent = ABSENT
-    since_ns: Nanoseconds | Absent = ABSENT
+    complete: bool | UnsetType = UNSET
+    since_ns: Nanoseconds | UnsetType = UNSET

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import UNSET, UnsetType
 
-from fti.messages.tables import ABSENT, Absent
+from fti.messages.tables import Message
 from fti.messages.units import Bytes, Count, Nanoseconds
 
 
-@dataclass(frozen=True, slots=True)
-class DroppedFrames:
+class DroppedFrames(Message):
     """Frames that were dropped for one reason.  bytes : None where the kernel dropped an unknown number"""
 
     frames: Count
     bytes: Bytes | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameAccount:
+class FrameAccount(Message, kw_only=True):
     """The frames of a buffer: in = recorded + held + dropped.  dropped : by reason"""
 
     in_frames: Count
@@ -29,8 +27,7 @@ class FrameAccount:
     dropped: dict[str, DroppedFrames]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkFrameAccount(FrameAccount):
+class LinkFrameAccount(FrameAccount, kw_only=True):
     """The received frames of a link, and those sent.
 
     errors        : line errors by kind
@@ -42,8 +39,7 @@ class LinkFrameAccount(FrameAccount):
     stamp_refused: Count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecorderStart:
+class RecorderStart(Message, kw_only=True):
     """Identity of a recorder: process number, start, and number of its first frame."""
 
     pid: Count
@@ -51,8 +47,7 @@ class RecorderStart:
     first_seq: Count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LedgerRecord:
+class LedgerRecord(Message, kw_only=True):
     """The account of a recorder, from zero.
 
     next_seq : number of the next frame;  final : the last ledger of the recorder
@@ -68,5 +63,5 @@ class LedgerRecord:
     final: bool
     ticks: FrameAccount
     links: dict[str, LinkFrameAccount]
-    complete: bool | Absent = ABSENT
-    since_ns: Nanoseconds | Absent = ABSENT
+    complete: bool | UnsetType = UNSET
+    since_ns: Nanoseconds | UnsetType = UNSET

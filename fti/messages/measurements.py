@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 
+from fti.messages.tables import Message
 from fti.messages.units import (
     Count,
     Cycles,
@@ -37,8 +37,7 @@ class TimeScale(StrEnum):
     BOOT = "boot"  # ns since the device was switched on
 
 
-@dataclass(frozen=True, slots=True)
-class Stamp:
+class Stamp(Message):
     """Times of a message: arrival, device time and time of validity [ns].
 
     t_valid_ns is None until the navigation process sets it.
@@ -50,8 +49,7 @@ class Stamp:
     t_valid_ns: Nanoseconds | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Attitude:
+class Attitude(Message, kw_only=True):
     """Orientation of the body [rad]; a message may carry only a part of it."""
 
     stamp: Stamp
@@ -64,8 +62,7 @@ class Attitude:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Position:
+class Position(Message, kw_only=True):
     """Position: lat, lon [rad], alt above WGS84 [m], alt_msl [m] and the undulation [m] of the same message.
 
     horizontal_sd : one sigma of each horizontal axis [m].  Of two that differ the root mean square, of an inertial
@@ -83,8 +80,7 @@ class Position:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Velocity:
+class Velocity(Message, kw_only=True):
     """Velocity north, east, down [m/s], or ground speed [m/s] and track [rad]; a message may carry only a part."""
 
     stamp: Stamp
@@ -97,8 +93,7 @@ class Velocity:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImuSample:
+class ImuSample(Message, kw_only=True):
     """Specific force accel_b [m/s^2] and angular rate gyro_b [rad/s], forward, right, down."""
 
     stamp: Stamp
@@ -106,8 +101,7 @@ class ImuSample:
     gyro_b: tuple[RadiansPerSecond, RadiansPerSecond, RadiansPerSecond] | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Range:
+class Range(Message, kw_only=True):
     """Slant range along the beam [m] of a laser; None without a return."""
 
     stamp: Stamp
@@ -116,8 +110,7 @@ class Range:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RadioHeight:
+class RadioHeight(Message, kw_only=True):
     """Height above ground at the antenna [m], as a radar altimeter reports it (leading edge)."""
 
     stamp: Stamp
@@ -126,8 +119,7 @@ class RadioHeight:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StaticPressure:
+class StaticPressure(Message, kw_only=True):
     """Static pressure [Pa]."""
 
     stamp: Stamp
@@ -136,8 +128,7 @@ class StaticPressure:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImpactPressure:
+class ImpactPressure(Message, kw_only=True):
     """Impact pressure q_c = total - static [Pa]."""
 
     stamp: Stamp
@@ -146,8 +137,7 @@ class ImpactPressure:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Airspeed:
+class Airspeed(Message, kw_only=True):
     """Calibrated (cas), indicated (ias) and true (tas) airspeed [m/s]; a message may carry only a part."""
 
     stamp: Stamp
@@ -157,8 +147,7 @@ class Airspeed:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Temperature:
+class Temperature(Message, kw_only=True):
     """Air temperature [K]."""
 
     stamp: Stamp
@@ -167,8 +156,7 @@ class Temperature:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlowAngles:
+class FlowAngles(Message, kw_only=True):
     """Angle of attack (aoa, positive nose above the flow) and of sideslip (aos, wind from the right) [rad]."""
 
     stamp: Stamp
@@ -177,8 +165,7 @@ class FlowAngles:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PressureAltitude:
+class PressureAltitude(Message, kw_only=True):
     """Altitude from static pressure [m]; ``setting_pa`` 101325 is the standard setting, None is unknown."""
 
     stamp: Stamp
@@ -187,8 +174,7 @@ class PressureAltitude:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MagneticField:
+class MagneticField(Message, kw_only=True):
     """Magnetic flux density in the body frame [T]."""
 
     stamp: Stamp
@@ -196,8 +182,7 @@ class MagneticField:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SurfaceDeflection:
+class SurfaceDeflection(Message, kw_only=True):
     """Deflection of a control surface [rad] and its raw count."""
 
     stamp: Stamp
@@ -207,16 +192,14 @@ class SurfaceDeflection:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CalibrationPoint:
+class CalibrationPoint(Message, kw_only=True):
     """One point of a calibration table: raw count and deflection [rad]."""
 
     raw: Count
     deflection: Radians
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+class Calibration(Message, kw_only=True):
     """The calibration table of a deflection pickup from now on, piecewise linear between its points.
 
     points : ascending in raw, deflections strictly monotone; change : description of the change
@@ -228,8 +211,7 @@ class Calibration:
     change: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DmeRange:
+class DmeRange(Message, kw_only=True):
     """Slant range to a DME station [m]."""
 
     stamp: Stamp
@@ -238,8 +220,7 @@ class DmeRange:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Satellite:
+class Satellite(Message, kw_only=True):
     """One satellite: azimuth and elevation [rad], carrier-to-noise density [dB-Hz]."""
 
     system: str
@@ -250,8 +231,7 @@ class Satellite:
     used: bool | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Satellites:
+class Satellites(Message, kw_only=True):
     """The satellites of one epoch and the dilution of precision that the receiver states."""
 
     stamp: Stamp
@@ -262,8 +242,7 @@ class Satellites:
     pdop: Ratio | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pseudorange:
+class Pseudorange(Message, kw_only=True):
     """Observations of one signal of one satellite.
 
     pseudorange, pseudorange_sd [m]; carrier_phase, carrier_phase_sd [cycles]; doppler [Hz], positive when approaching;
@@ -284,16 +263,14 @@ class Pseudorange:
     carrier_hz: Hertz | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pseudoranges:
+class Pseudoranges(Message, kw_only=True):
     """Raw observations of one epoch of a GNSS receiver; the stamp holds the time of the epoch."""
 
     stamp: Stamp
     observations: tuple[Pseudorange, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ephemeris:
+class Ephemeris(Message, kw_only=True):
     """Broadcast orbit and clock of a GPS satellite: IS-GPS-200, tables 20-I and 20-III.
 
     week : week of transmission, modulo 1024;  issue : IODE
@@ -334,8 +311,7 @@ class Ephemeris:
     healthy: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReceiverClock:
+class ReceiverClock(Message, kw_only=True):
     """Clock of a GNSS receiver: receiver time minus the time of the scale [s], its rate [s/s], and their sigma."""
 
     stamp: Stamp
@@ -346,8 +322,7 @@ class ReceiverClock:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Deviation:
+class Deviation(Message, kw_only=True):
     """Approach deviation as a receiver states it [DDM]: localizer (fly right positive), glide slope (fly down)."""
 
     stamp: Stamp
@@ -356,8 +331,7 @@ class Deviation:
     valid: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class Reading(Message, kw_only=True):
     """A value without a class of its own, named by the configuration or the document of the device.
 
     value : in ``unit``, which is SI or that of the document ("" for a count or a discrete: 0 or 1)
@@ -372,8 +346,7 @@ class Reading:
     text: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceStatus:
+class DeviceStatus(Message, kw_only=True):
     """Status of a device; ``flags`` are the names of the conditions that it reports."""
 
     stamp: Stamp
@@ -381,15 +354,13 @@ class DeviceStatus:
     flags: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceTime:
+class DeviceTime(Message, kw_only=True):
     """Device time of a message that carries only the time; the stamp holds it."""
 
     stamp: Stamp
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ack:
+class Ack(Message, kw_only=True):
     """A device's answer to a command.
 
     command : its name in the driver's ``COMMANDS``; "" if the answer does not identify it (then the oldest one)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import UNSET, UnsetType
 
 from fti.messages.refusals import CarriedRefusal
-from fti.messages.tables import ABSENT, Absent
+from fti.messages.tables import Message
 from fti.messages.units import (
     Bytes,
     Count,
@@ -17,8 +17,7 @@ from fti.messages.units import (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClockRecord:
+class ClockRecord(Message, kw_only=True):
     """The kernel's clocks at one moment.  t_ns : FTI time; width_ns : duration of reading them"""
 
     t_ns: Nanoseconds
@@ -28,8 +27,7 @@ class ClockRecord:
     width_ns: Nanoseconds
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClockEstimate:
+class ClockEstimate(Message, kw_only=True):
     """The clock of a device against FTI time.
 
     offset_ns      : device - FTI time;  drift_ppm : relative to FTI time, positive: faster
@@ -53,17 +51,15 @@ class ClockEstimate:
     segments: Count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GnssTime:
+class GnssTime(Message, kw_only=True):
     """Time of the first device whose clock is known, GPS or UTC; empty without one."""
 
-    device: str | Absent = ABSENT
-    scale: str | Absent = ABSENT
-    time_ns: Nanoseconds | Absent = ABSENT
+    device: str | UnsetType = UNSET
+    scale: str | UnsetType = UNSET
+    time_ns: Nanoseconds | UnsetType = UNSET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceClockRecord:
+class DeviceClockRecord(Message, kw_only=True):
     """The clocks of the devices, by ``<device>_<scale>``."""
 
     t_ns: Nanoseconds
@@ -71,8 +67,7 @@ class DeviceClockRecord:
     gnss: GnssTime
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TerrainRecord:
+class TerrainRecord(Message, kw_only=True):
     """The terrain that navigation uses after frame ``after_seq``: its name and files, or why there is none.
 
     sha256 : of the posts, to the last bit;  checksums : of the posts of each layer, as ``Ground.checksums``
@@ -80,15 +75,14 @@ class TerrainRecord:
 
     t_ns: Nanoseconds
     after_seq: Count
-    fault: str | Absent = ABSENT
-    name: str | Absent = ABSENT
-    files: tuple[str, ...] | Absent = ABSENT
-    sha256: str | Absent = ABSENT
-    checksums: tuple[Metres, ...] | Absent = ABSENT
+    fault: str | UnsetType = UNSET
+    name: str | UnsetType = UNSET
+    files: tuple[str, ...] | UnsetType = UNSET
+    sha256: str | UnsetType = UNSET
+    checksums: tuple[Metres, ...] | UnsetType = UNSET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReadmissionRecord:
+class ReadmissionRecord(Message, kw_only=True):
     """The operator readmits a source, or all (``*``), after frame ``after_seq``."""
 
     t_ns: Nanoseconds
@@ -96,8 +90,7 @@ class ReadmissionRecord:
     source: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GapRecord:
+class GapRecord(Message, kw_only=True):
     """Missing frames.
 
     kind : buffer_overflow: dropped frames of a link, with numbers and times of the first and the last one, in raw
@@ -107,20 +100,19 @@ class GapRecord:
 
     t_ns: Nanoseconds
     kind: str
-    link: str | Absent = ABSENT
-    first_seq: Count | Absent = ABSENT
-    last_seq: Count | Absent = ABSENT
-    first_t_ns: Nanoseconds | Absent = ABSENT
-    last_t_ns: Nanoseconds | Absent = ABSENT
-    frames: Count | Absent = ABSENT
-    bytes: Bytes | Absent = ABSENT
-    after_seq: Count | Absent = ABSENT
-    before_seq: Count | Absent = ABSENT
-    refusals: tuple[CarriedRefusal, ...] | Absent = ABSENT
+    link: str | UnsetType = UNSET
+    first_seq: Count | UnsetType = UNSET
+    last_seq: Count | UnsetType = UNSET
+    first_t_ns: Nanoseconds | UnsetType = UNSET
+    last_t_ns: Nanoseconds | UnsetType = UNSET
+    frames: Count | UnsetType = UNSET
+    bytes: Bytes | UnsetType = UNSET
+    after_seq: Count | UnsetType = UNSET
+    before_seq: Count | UnsetType = UNSET
+    refusals: tuple[CarriedRefusal, ...] | UnsetType = UNSET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AlarmReportRecord:
+class AlarmReportRecord(Message, kw_only=True):
     """The condition of a subject from t_ns on, as navigation reports it; id None: no fault.
 
     value, explained_by, is_latched : see ``fti.alarms.condition``
@@ -137,8 +129,7 @@ class AlarmReportRecord:
     is_latched: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AlarmRecord:
+class AlarmRecord(Message, kw_only=True):
     """A change of an alarm: begins, changes, ends, acknowledged.  The other fields : see ``fti.alarms.alarm_list``."""
 
     t_ns: Nanoseconds

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 from fti.messages.reasons import Reason
+from fti.messages.tables import Message
 from fti.messages.units import Metres, MetresPerSecond, Nanoseconds, Radians, Ratio
 
 
@@ -56,8 +56,7 @@ class IntegrityState(StrEnum):
     UNAVAILABLE = "unavailable"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeightAboveGround:
+class HeightAboveGround(Message, kw_only=True):
     """Height above ground from one altimeter.
 
     t_ns       : time of the output [ns]; t_valid_ns : time of validity of the height [ns]
@@ -100,8 +99,7 @@ class HeightAboveGround:
         return self.compensation in {Compensation.RANGE, Compensation.BEAM}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeightBelowAircraft:
+class HeightBelowAircraft(Message, kw_only=True):
     """Height of the aircraft above the ground at the nadir, from one of the valid altimeters.
 
     t_ns       : time of the output [ns]; t_valid_ns : time of validity of the height [ns]
@@ -123,8 +121,7 @@ class HeightBelowAircraft:
     compensation: Compensation | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClearanceIntegrity:
+class ClearanceIntegrity(Message, kw_only=True):
     """Does the terrain below match that of the published approach?
 
     t1..t4_ratio  : test statistics over their limits (1 = limit); None where not tested
@@ -158,8 +155,7 @@ class ClearanceIntegrity:
     reference: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GlideSlope:
+class GlideSlope(Message, kw_only=True):
     """Deviation from the published glide path.
 
     s, y        : path length before the intercept point and offset right of the track [m]
@@ -183,8 +179,7 @@ class GlideSlope:
     clamped: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NavSolution:
+class NavSolution(Message, kw_only=True):
     """Position, velocity and attitude that the pipeline uses, with their sources.
 
     position_source, attitude_source, altitude_source : name of a device or of a filter of navigation
@@ -226,8 +221,7 @@ class NavSolution:
     attitude_unchecked: tuple[Reason, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FilterSolution:
+class FilterSolution(Message, kw_only=True):
     """Solution of the error-state filter from inertial data and aiding measurements; point P.
 
     vel_sd, tilt_sd : the largest one sigma of the three velocities [m/s], of roll and pitch [rad]
@@ -261,8 +255,7 @@ class FilterSolution:
     vpl: Metres | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VerticalSolution:
+class VerticalSolution(Message, kw_only=True):
     """Height and climb from inertial data and an altimeter over known terrain, without another altitude source.
 
     altimeter : source of its heights; rejected : the newest height was outside the confidence region
@@ -280,8 +273,7 @@ class VerticalSolution:
     rejected: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionFix:
+class PositionFix(Message, kw_only=True):
     """Weighted position from satellites and DME; altitude from the source with the smaller predicted sigma.
 
     altitude_source : "gnss_dme", or the altimeter over known terrain
@@ -299,8 +291,7 @@ class PositionFix:
     altitude_source: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceValidity:
+class SourceValidity(Message, kw_only=True):
     """Result of the tests of a device that gives position, altitude or attitude.
 
     valid, reasons : of all its quantities
@@ -324,8 +315,7 @@ class SourceValidity:
     readmission: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProvisionalSolution:
+class ProvisionalSolution(Message, kw_only=True):
     """Solution of the filter if an unconfirmed source were right; for comparison only, navigation does not use it.
 
     source     : the device;  quantities : its quantities that aid this solution only: position, height, velocity
@@ -358,8 +348,7 @@ class ProvisionalSolution:
     readmission: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
+class Event(Message, kw_only=True):
     """A message for the operator: a source changed, a device recovered, a mark was set."""
 
     t_ns: Nanoseconds

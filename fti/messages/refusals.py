@@ -6,10 +6,10 @@ source; another refusal ends when the tests have passed for their time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 from fti.messages.reasons import Reason
+from fti.messages.tables import Message
 from fti.messages.units import Metres, Nanoseconds
 
 
@@ -25,8 +25,7 @@ class RefusedPart(StrEnum):
     DIFFERENCE = "difference"  # comparison of a device that does not aid with the filter
 
 
-@dataclass(frozen=True, slots=True)
-class CarriedRefusal:
+class CarriedRefusal(Message):
     """Refusal of one part of a source.  is_standing : its contradiction lasts;  size_m : of it, 0: unknown"""
 
     source: str

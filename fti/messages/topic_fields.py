@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import types
 import typing
 from enum import StrEnum
 from functools import cache
 from typing import Annotated, Any, NamedTuple
 
-from fti.messages.tables import Absent, present_members
-from fti.messages.units import union_members, unit_symbol
+from msgspec import UnsetType
+
+from fti.messages.tables import Message
+from fti.messages.units import present_members, union_members, unit_symbol
 
 _NAMES = {float: "number", int: "integer", bool: "true or false", str: "text", types.NoneType: "null"}
 
@@ -28,10 +29,9 @@ def fields(cls: type) -> list[Field]:
     found = []
     for name, hint in typing.get_type_hints(cls, include_extras=True).items():
         kind = _content(hint)
-        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-            nested: type = kind
+        if isinstance(kind, type) and issubclass(kind, Message):
             path = f"{name}.<name>" if _is_map(hint) else name
-            found += [field._replace(name=f"{path}.{field.name}") for field in fields(nested)]
+            found += [field._replace(name=f"{path}.{field.name}") for field in fields(kind)]
         else:
             found.append(Field(name, _words(hint), unit_symbol(kind) or ""))
     return found
@@ -59,7 +59,7 @@ def _is_container(hint: Any) -> bool:
 
 def _words(hint: Any) -> str:
     """``list of number``, ``number or null``, ``text: TimeScale``, ``number, may be absent``."""
-    if Absent in (members := union_members(hint)):
+    if UnsetType in (members := union_members(hint)):
         return f"{' or '.join(map(_words, present_members(hint)))}, may be absent"
     if len(members) > 1:
         return " or ".join(map(_words, members))

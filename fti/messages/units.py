@@ -10,6 +10,8 @@ import typing
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from msgspec import UnsetType
+
 
 @dataclass(frozen=True, slots=True)
 class Unit:
@@ -59,3 +61,8 @@ def union_members(hint: Any) -> tuple[Any, ...]:
     """The members of a union; of another type itself."""
     is_union = typing.get_origin(hint) in (typing.Union, types.UnionType)
     return typing.get_args(hint) if is_union else (hint,)
+
+
+def present_members(hint: Any) -> tuple[Any, ...]:
+    """The members of a type without ``UnsetType``."""
+    return tuple(member for member in union_members(hint) if member is not UnsetType)

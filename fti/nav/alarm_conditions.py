@@ -8,8 +8,9 @@ Source: docs/alarms.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from fti.alarms.condition import Condition, ConditionReport, Severity, device_id, in_title
 from fti.config import Config, position_sources

@@ -16,6 +16,8 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+from msgspec import structs
+
 from fti.config import Device, Filter
 from fti.geodesy.formulas import down_row
 from fti.messages.measurements import (
@@ -186,7 +188,7 @@ class AidedNavigation:
         if isinstance(m, Position) and m.valid:
             aiding = self._position_aiding(device, m)
         elif isinstance(m, Velocity) and m.valid:
-            m = m if "height" in unconfirmed.quantities else replace(m, down=None)
+            m = m if "height" in unconfirmed.quantities else structs.replace(m, down=None)
             aiding = self._velocity_aiding(device, m, self._correlation_factor(self._unconfirmed_ns, device, t_ns))
         if aiding is not None and is_known(aiding):
             parts = aiding.split() if isinstance(aiding, GnssPosition) else (aiding,)
@@ -214,7 +216,7 @@ class AidedNavigation:
             return
         if m.down is None and not self._navigator.reaches(t_ns):  # the alignment needs a climb, at least from positions
             climb, sd = self._alts[device].slope(t_ns), VELOCITY_SD if m.sd is None else m.sd
-            m = replace(m, down=None if climb is None else -climb, sd=max(sd, CLIMB_SD))
+            m = structs.replace(m, down=None if climb is None else -climb, sd=max(sd, CLIMB_SD))
         aiding = self._velocity_aiding(device, m, self._correlation_factor(self._velocity_ns, device, t_ns))
         if aiding is not None:
             self._navigator.feed_aiding(t_ns, aiding)
@@ -318,7 +320,7 @@ class AidedNavigation:
 
     def _with_protection(self, solution: FilterSolution) -> FilterSolution:
         levels = self._faults.levels(solution.t_ns) if solution.valid else None
-        return solution if levels is None else replace(solution, hpl=levels.horizontal, vpl=levels.vertical)
+        return solution if levels is None else structs.replace(solution, hpl=levels.horizontal, vpl=levels.vertical)
 
     def provisional_solutions(self, t_ns: int) -> list[ProvisionalSolution]:
         """Solutions of the filter with each unconfirmed receiver; none while the filter is invalid."""

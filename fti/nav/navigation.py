@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from fti.config import AlertLimits
 from fti.messages.outputs import Event, NavSolution
@@ -27,8 +29,7 @@ FILTER, VERTICAL, RADIO = "filter", "vertical", "radio"
 UNKNOWN_SD = (5.0, 10.0)
 
 
-@dataclass(frozen=True, slots=True)
-class NavState:
+class NavState(Struct, frozen=True, gc=False):
     """State of navigation at t_ns; unknown values are None.
 
     altitude_holders : altimeters that alone bound the altitude (``fti.nav.altitude_hold``)

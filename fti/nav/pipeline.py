@@ -13,9 +13,10 @@ GlideSlope per update of the monitor.  Outputs without new values are repeated a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
+
+from msgspec.structs import replace
 
 from fti.config import Config
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Velocity

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable
+
+from msgspec.structs import replace
 
 from fti.config import Device
 from fti.geodesy.formulas import mat_nb, rotate
@@ -30,8 +31,8 @@ class Mountings:
         if mat is None:
             return m
         if isinstance(m, MagneticField):
-            return dataclasses.replace(m, field_b=rotate(mat, m.field_b))
+            return replace(m, field_b=rotate(mat, m.field_b))
         if isinstance(m, ImuSample):
             accel, gyro = (None if v is None else rotate(mat, v) for v in (m.accel_b, m.gyro_b))
-            return dataclasses.replace(m, accel_b=accel, gyro_b=gyro)
+            return replace(m, accel_b=accel, gyro_b=gyro)
         return m

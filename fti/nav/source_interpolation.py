@@ -10,8 +10,9 @@ the device's ``max_age_ms``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from math import inf
+
+from msgspec import Struct
 
 from fti.config import Device
 from fti.geodesy.formulas import dot, down_row, mat_nb, metres_per_radian, rotate, wrap_half_turn
@@ -45,8 +46,7 @@ MAX_HELD_NS, MAX_BETWEEN_NS = SECOND_NS // 50, SECOND_NS // 10
 ATTITUDE_SD_UNKNOWN = math.radians(0.5)
 
 
-@dataclass(frozen=True, slots=True)
-class AttitudeState:
+class AttitudeState(Struct, frozen=True, gc=False):
     """Attitude at one time [rad]; heading may be unknown.
 
     roll_sd, pitch_sd   : one sigma, grown by the age
@@ -62,8 +62,7 @@ class AttitudeState:
     heading_sd: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class PositionState:
+class PositionState(Struct, frozen=True, gc=False):
     """Position of the reference point P at one time; alt is None if the source gives a mean-sea-level height only.
 
     newest_ns : time of validity of its newest entry

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import PlainSerializer, PlainValidator
 
 from fti.config import Config, StrictModel
 from fti.logger.storage_target import StorageTarget
 from fti.messages.refusals import CarriedRefusal
+from fti.messages.tables import from_table, to_table
+
+CarriedRefusals = Annotated[
+    tuple[CarriedRefusal, ...],
+    PlainValidator(partial(from_table, tuple[CarriedRefusal, ...])),
+    PlainSerializer(to_table),
+]
 
 
 class LinkStartup(StrictModel):
@@ -65,6 +76,6 @@ class NavigationStartup(StorageStartup):
     texts: dict[str, str]
     bus: str  # its socket
     without_terrain: str | None = None
-    refusals: tuple[CarriedRefusal, ...] = ()
+    refusals: CarriedRefusals = ()
     attachments: dict[str, str]
     metadata: dict[str, str]

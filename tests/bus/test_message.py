@@ -6,12 +6,12 @@ import io
 import json
 import math
 import os
-from dataclasses import asdict
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import asdict
 from rich.console import Console
 
 from fti.bus import message

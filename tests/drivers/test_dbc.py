@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 import re
 import struct
 from collections import Counter
@@ -26,7 +25,7 @@ from fti.drivers import dbc
 from fti.drivers._dbc_frames import FrameBuilder
 from fti.errors import ConfigError
 from fti.formats.dbc_messages import read_layouts
-from fti.formats.fast_messages import fast_maker, fast_reading, fast_stamp
+from fti.formats.quantities import QUANTITIES
 from fti.messages.measurements import (
     Airspeed,
     DeviceStatus,
@@ -40,6 +39,7 @@ from fti.messages.measurements import (
     Stamp,
     StaticPressure,
     Temperature,
+    Velocity,
 )
 from tests.helpers import ROOT
 
@@ -409,19 +409,7 @@ def test_the_option_names_a_file_and_carries_its_text() -> None:
     assert dbc.make_decoder(options).counters.bytes_in == 0
 
 
-# ------------------------------------------------------------------------------------------- made without constructors
-
-
-def test_what_is_made_quickly_is_the_same() -> None:
-    rng = random.Random(1)
-    for _ in range(20):
-        t, value = rng.randrange(1 << 60), rng.uniform(-1, 1)
-        stamp = fast_stamp(t)
-        assert stamp == Stamp(t)
-        assert fast_reading(stamp, "a.b", value, "V", True) == Reading(stamp=stamp, name="a.b", value=value, unit="V")
-        named = fast_reading(stamp, "a", None, "", False, text="off")
-        assert named == Reading(stamp=stamp, name="a", value=None, valid=False, text="off")
-        made = fast_maker(DmeRange, "slant_range", {"station": "dme_1"})
-        assert made(stamp, value, False) == DmeRange(stamp=stamp, station="dme_1", slant_range=value, valid=False)
-        speed = fast_maker(Airspeed, "tas", {})(stamp, value, True)
-        assert (speed, hash(speed)) == (Airspeed(stamp=stamp, tas=value), hash(Airspeed(stamp=stamp, tas=value)))
+def test_a_maker_makes_the_measurement_of_its_quantity() -> None:
+    station = QUANTITIES["dme_1_distance"].maker()(Stamp(1), 2.0, False)
+    assert station == DmeRange(stamp=Stamp(1), station="dme_1", slant_range=2.0, valid=False)
+    assert QUANTITIES["vertical_speed"].maker()(Stamp(1), 2.0, True) == Velocity(stamp=Stamp(1), down=-2.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
 
 import ixcom.data
 import pytest
@@ -32,6 +31,7 @@ from fti.messages.measurements import (
     Temperature,
     Velocity,
 )
+from fti.messages.tables import Message
 from tests.drivers.ixcom_frames import GNSS, GOOD, INSSOL, decode, frame, only, readings
 
 STRUCTS = {
@@ -79,9 +79,9 @@ def numbers(value: object) -> Iterator[float]:
     elif isinstance(value, tuple):
         for one in value:
             yield from numbers(one)
-    elif is_dataclass(value):
-        for field in fields(value):
-            yield from numbers(getattr(value, field.name))
+    elif isinstance(value, Message):
+        for name in value.__struct_fields__:
+            yield from numbers(getattr(value, name))
 
 
 @given(st.data(), st.sampled_from(TABLE), st.integers(0, 0xFFFF))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from fti.drivers import Encoder
 from fti.drivers import novatel_oem6 as novatel

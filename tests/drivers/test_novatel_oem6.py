@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import replace
 from typing import TypeVar
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from fti.drivers import novatel_oem6 as novatel
 from fti.drivers.novatel_oem6 import clock, messages, observations, sky, solution, status

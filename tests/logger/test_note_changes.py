@@ -86,8 +86,8 @@ def test_age_and_estimates_of_a_silent_device_are_no_change(tmp_path: Path) -> N
             "messages": messages,
         }
 
-    notes = [health({"a": link(age_ms=50.0 + 1000 * n, clocks=[clock(n)])}) for n in range(4)]
-    notes[3]["links"]["a"]["clocks"] = [clock(3, messages=4)]
+    notes = [health({"a": link(age_ms=50.0 + 1000 * n, clocks=(clock(n),))}) for n in range(4)]
+    notes[3]["links"]["a"]["clocks"] = (clock(3, messages=4),)
     folder = write(open_log(tmp_path), HEALTH, notes)
     assert [sorted(record["links"]) for _, record in records(folder, HEALTH)] == [["a"], [], [], ["a"]]
     ages = [note["links"]["a"]["age_ms"] for note in together(folder, HEALTH)]

@@ -1,10 +1,10 @@
 """The channel of the approach: whose altitude it is judged with."""
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator
 
 import pytest
+from msgspec import structs
 
 from fti.config import Approach
 from fti.messages.outputs import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState
@@ -79,9 +79,7 @@ def test_an_altimeter_that_the_filter_excludes_is_evaluated_as_before(
     sound, _ = run(ApproachChannel(reference, settings, "radar"), samples)
     refused = [
         (
-            dataclasses.replace(
-                height, valid=False, reasons=(Reason.EXCLUDED,), nearest=(height.nearest or 0.0) + 40.0
-            ),
+            structs.replace(height, valid=False, reasons=(Reason.EXCLUDED,), nearest=(height.nearest or 0.0) + 40.0),
             nav,
         )
         for height, nav in samples
@@ -95,7 +93,7 @@ def test_a_place_of_which_navigation_is_not_sure_is_reported(
     reference: ApproachReference, settings: Approach, path: ApproachPath, flight: Flight
 ) -> None:
     samples = [
-        (height, dataclasses.replace(nav, position=dataclasses.replace(nav.position, horizontal_sd=200.0)))
+        (height, structs.replace(nav, position=structs.replace(nav.position, horizontal_sd=200.0)))
         for height, nav in inputs(path, flight, lambda _: "filter")
         if nav.position
     ]

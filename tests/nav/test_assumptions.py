@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from fti.config import Altimeter, Approach, Device, UnstatedSd
 from fti.errors import ConfigError
@@ -80,7 +81,7 @@ def test_a_worse_navigation_is_unavailable(
 ) -> None:
     """A quarter beyond the assumed sigma is tolerated; a sigma that nobody knows is not."""
     track = (
-        dataclasses.replace(x, vertical_sd=vertical, horizontal_sd=horizontal) for x in flight(begin=2900.0, end=1000.0)
+        structs.replace(x, vertical_sd=vertical, horizontal_sd=horizontal) for x in flight(begin=2900.0, end=1000.0)
     )
     for output in states(ClearanceMonitor(stated, SETTINGS), track):
         assert (Reason.ASSUMPTION in output.reasons) is not holds
@@ -89,7 +90,7 @@ def test_a_worse_navigation_is_unavailable(
 
 
 def test_without_assumptions_nothing_is_compared(reference: ApproachReference, flight: Flight) -> None:
-    track = (dataclasses.replace(x, vertical_sd=8.0, horizontal_sd=20.0) for x in flight(begin=2900.0, end=1000.0))
+    track = (structs.replace(x, vertical_sd=8.0, horizontal_sd=20.0) for x in flight(begin=2900.0, end=1000.0))
     outputs = states(ClearanceMonitor(reference, Approach(profile="", alert_v_m=1000.0)), track)
     assert outputs
     assert not any(Reason.ASSUMPTION in output.reasons for output in outputs)
@@ -97,9 +98,7 @@ def test_without_assumptions_nothing_is_compared(reference: ApproachReference, f
 
 def test_an_alert_is_given_beyond_the_assumptions_all_the_same(stated: ApproachReference, flight: Flight) -> None:
     track = (
-        dataclasses.replace(
-            x, vertical_sd=8.0, horizontal_sd=5.0, agl=x.agl - (100.0 if 1500.0 < x.s < 1600.0 else 0.0)
-        )
+        structs.replace(x, vertical_sd=8.0, horizontal_sd=5.0, agl=x.agl - (100.0 if 1500.0 < x.s < 1600.0 else 0.0))
         for x in flight(begin=2900.0, end=1000.0)
     )
     assert any(o.state is IntegrityState.ALERT for o in states(ClearanceMonitor(stated, SETTINGS), track))
@@ -138,7 +137,7 @@ def test_a_source_without_a_sigma_has_the_configured_one_and_an_event(
     stated: ApproachReference, path: ApproachPath, flight: Flight
 ) -> None:
     samples = [
-        (height, dataclasses.replace(nav, position=dataclasses.replace(nav.position, vertical_sd=None)))
+        (height, structs.replace(nav, position=structs.replace(nav.position, vertical_sd=None)))
         for height, nav in inputs(path, flight, lambda _: "ins")
         if nav.position
     ]
@@ -172,7 +171,7 @@ def test_each_source_is_reported_with_the_sigma_of_its_own_axis(
         if nav.position
         for output in channel.feed(
             height,
-            dataclasses.replace(nav, position=dataclasses.replace(nav.position, horizontal_sd=None, vertical_sd=None)),
+            structs.replace(nav, position=structs.replace(nav.position, horizontal_sd=None, vertical_sd=None)),
         )
     ]
     assert [(output.source, output.text) for output in outputs_by_sd if isinstance(output, Event)] == [

@@ -31,7 +31,7 @@ def receiver(refusal: PlausibilityFinding, readmit_s: float | None = None, there
 
     def change(t: float, m: Measurement) -> Measurement | None:
         if there_and_back and 60.0 <= t < 80.0 and isinstance(m, Position) and m.lat is not None:
-            return Position(**{**{n: getattr(m, n) for n in m.__dataclass_fields__}, "lat": m.lat + 50.0 / RADIUS})
+            return Position(**{**{n: getattr(m, n) for n in m.__struct_fields__}, "lat": m.lat + 50.0 / RADIUS})
         return m
 
     tests = make_tests()

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from fti.config import Approach
 from fti.messages.outputs import ClearanceIntegrity, IntegrityState
@@ -182,7 +183,7 @@ def test_an_unknown_place_is_unavailable_but_an_obstacle_is_reported(
     monitor = ClearanceMonitor(reference, SETTINGS)
     for sample in flight(begin=2990.0, surface=lambda s: 60.0 if 860.0 < s < 900.0 else 0.0):
         sd = 32.0 if sample.s > 1800.0 else 33.0  # 3.09 times that is 98.9 and 102 m; AL_y is 100 m
-        outputs += run(monitor, [dataclasses.replace(sample, horizontal_sd=sd)])
+        outputs += run(monitor, [structs.replace(sample, horizontal_sd=sd)])
     known = [o for o in outputs if 1810.0 < (o.s_end or 0.0) < 2500.0]
     unknown = [o for o in outputs if 910.0 < (o.s_end or 0.0) < 1790.0]
     assert known
@@ -411,7 +412,7 @@ def test_what_is_no_number_is_refused_and_forgotten(
     """For 0.4 s; afterwards the window is judged as if nothing had been."""
     outputs = []
     for k, x in enumerate(flight(begin=2990.0, end=1500.0)):
-        output = monitor.step(dataclasses.replace(x, **{name: value}) if 300 <= k < 310 else x)  # type: ignore[arg-type]
+        output = monitor.step(structs.replace(x, **{name: value}) if 300 <= k < 310 else x)
         outputs += [output] if output else []
     refused = [o for o in outputs if o.state is IntegrityState.UNAVAILABLE]
     expected = {HOSTILE[name], Reason.OUTSIDE_PROFILE} if (name, value) == ("s", math.inf) else {HOSTILE[name]}

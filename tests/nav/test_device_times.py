@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any, get_args
-
 import numpy as np
 import pytest
 
@@ -12,7 +9,7 @@ from fti.config import Device
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Stamp, TimeScale
 from fti.messages.tables import to_table
 from fti.nav.device_time.clock_estimator import ClockEstimator
-from fti.nav.device_time.device_times import DeviceTimes, restamp
+from fti.nav.device_time.device_times import DeviceTimes
 
 SECOND_NS = 1_000_000_000
 MS = 1_000_000
@@ -160,15 +157,6 @@ def test_the_same_measurements_give_the_same_notes() -> None:
         return times.tick(FTI_0 + 40 * SECOND_NS)
 
     assert note() == note()
-
-
-@pytest.mark.parametrize("kind", get_args(Measurement), ids=lambda kind: kind.__name__)
-def test_only_the_stamp_is_another_one(kind: Any) -> None:
-    required = {f.name for f in dataclasses.fields(kind) if f.default is dataclasses.MISSING} - {"stamp"}
-    measurement = kind(stamp=Stamp(1), **{name: name for name in required})
-    result = restamp(measurement, Stamp(2))
-    assert result == dataclasses.replace(measurement, stamp=Stamp(2))
-    assert type(result) is kind and measurement.stamp == Stamp(1)
 
 
 def test_a_part_that_is_not_valid_counts_from_its_arrival_in_one_message_with_others() -> None:

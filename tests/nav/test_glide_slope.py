@@ -1,9 +1,9 @@
 """Glide-slope deviation: closed forms, dots, validity."""
 
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.messages.reasons import Reason

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from fti.config import Approach, Config, Device, parse
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Stamp, Velocity

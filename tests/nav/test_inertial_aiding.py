@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
+from msgspec.structs import replace
 
 from fti.config import Config, parse
 from fti.geodesy.formulas import EARTH_RATE
@@ -162,7 +163,7 @@ def test_the_altimeter_over_known_ground_keeps_the_height(flight: Flight) -> Non
 def states(k: int, level_sd: float, high_sd: float) -> list[tuple[str, Measurement]]:
     """As ``measurements``, with other sigmas of the positions."""
     return [
-        (device, dataclasses.replace(m, horizontal_sd=level_sd, vertical_sd=high_sd) if isinstance(m, Position) else m)
+        (device, structs.replace(m, horizontal_sd=level_sd, vertical_sd=high_sd) if isinstance(m, Position) else m)
         for device, m in measurements(k, gnss=True)
     ]
 
@@ -201,7 +202,7 @@ def test_an_old_climb_is_not_used() -> None:
         for device, m in measurements(k, gnss=True):
             if isinstance(m, Velocity) and k > 300:
                 continue
-            pipeline.feed(device, dataclasses.replace(m, down=-0.8) if isinstance(m, Velocity) and k == 300 else m)
+            pipeline.feed(device, structs.replace(m, down=-0.8) if isinstance(m, Velocity) and k == 300 else m)
         if k % 2 == 0:
             out += pipeline.tick(T0 + k * 10 * MS)
     last = [o for o in out if isinstance(o, VerticalSolution)][-1]

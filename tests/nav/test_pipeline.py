@@ -2,11 +2,11 @@
 
 import itertools
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from fti.config import Config, parse
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Stamp, Velocity

@@ -1,6 +1,5 @@
 """An approach through the whole pipeline: measurements and ticks in, integrity and glide slope out."""
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from fti.config import Config, parse
 from fti.errors import ConfigError
@@ -140,7 +140,7 @@ def test_an_altimeter_that_flags_its_height_is_refused(reference: ApproachRefere
     stop = S + 10 * S
 
     def flagged(t: int, m: Measurement | None) -> Measurement | None:
-        return dataclasses.replace(m, valid=False) if isinstance(m, RadioHeight) and t >= stop else m
+        return structs.replace(m, valid=False) if isinstance(m, RadioHeight) and t >= stop else m
 
     outputs = fly(Pipeline(config(), reference), [(t, d, flagged(t, m)) for t, d, m in nominal])
     unavailable = next(o for o in integrity(outputs) if o.state is IntegrityState.UNAVAILABLE and o.t_ns >= stop)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from fti.messages.measurements import Measurement, Stamp
 from fti.messages.outputs import Event, Output
@@ -27,12 +27,12 @@ MAX_VALUES = {
 
 def spoiled(m: Measurement, rng: np.random.Generator) -> Measurement:
     """With one field that is anything."""
-    names = [f.name for f in dataclasses.fields(m) if f.name not in {"stamp", "valid"}]
+    names = [name for name in m.__struct_fields__ if name not in {"stamp", "valid"}]
     name = names[rng.integers(len(names))]
     value: Any = WILD[rng.integers(len(WILD))]
     if isinstance(old := getattr(m, name), tuple):
         value = tuple(value or 0.0 if k == rng.integers(3) else x for k, x in enumerate(old))
-    return dataclasses.replace(m, **{name: value})
+    return structs.replace(m, **{name: value})
 
 
 def check(out: list[Output | Event], t_ns: int) -> int:
@@ -41,7 +41,7 @@ def check(out: list[Output | Event], t_ns: int) -> int:
     for o in out:
         if isinstance(o, Event):
             continue
-        fields = {f.name: getattr(o, f.name) for f in dataclasses.fields(o)}
+        fields = {name: getattr(o, name) for name in o.__struct_fields__}
         numbers = {name: value for name, value in fields.items() if isinstance(value, float)}
         assert all(map(math.isfinite, numbers.values())), o
         assert all(value >= 0.0 for name, value in numbers.items() if name.endswith("sd")), o
@@ -68,7 +68,7 @@ def test_anything_in_any_field_late_and_twice(seed: int) -> None:
                 continue
             sent = spoiled(m, rng) if rng.random() < rate else m
             if rng.random() < 0.01:  # a device's clock, which may say any time that has been
-                sent = dataclasses.replace(sent, stamp=Stamp(now, t_valid_ns=now - int(10.0 ** rng.uniform(6, 13))))
+                sent = structs.replace(sent, stamp=Stamp(now, t_valid_ns=now - int(10.0 ** rng.uniform(6, 13))))
             for _ in range(1 + (rng.random() < 0.05)):
                 valid += check(pipeline.feed(device, sent), now)
         if k % 2:

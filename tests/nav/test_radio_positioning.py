@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
+from msgspec import structs
 
 from fti.config import Device, Radio
 from fti.messages.measurements import Position, Satellite, Satellites, Stamp
@@ -79,7 +78,7 @@ def with_sky(*after: Satellites) -> float:
     radio = RadioPosition(Radio(receiver="gnss"), DEVICES)
     for m in (Satellites(stamp=Stamp(T0), satellites=SKY), *after):
         radio.feed("gnss", m, T0)
-    radio.feed("gnss", dataclasses.replace(FIX, horizontal_sd=0.1, vertical_sd=0.1), T0)
+    radio.feed("gnss", structs.replace(FIX, horizontal_sd=0.1, vertical_sd=0.1), T0)
     metres = radio.solution(T0).vertical_sd
     assert metres is not None
     return metres
@@ -89,10 +88,10 @@ def test_a_message_without_directions_takes_no_sky_away() -> None:
     """NAV-PVT and GGA have the number, GSA and PSRDOP the names, SATVIS2 all directions: none has those used."""
     assert with_sky() > 2.0
     which = tuple(Satellite(system="gps", number=n, used=True) for n in range(5))
-    where = tuple(dataclasses.replace(s, used=None) for s in SKY)
+    where = tuple(structs.replace(s, used=None) for s in SKY)
     for satellites in ((), which, where):
         assert with_sky(Satellites(stamp=Stamp(T0), satellites=satellites, used=5)) == with_sky()
-    none_used = tuple(dataclasses.replace(s, used=False) for s in SKY)
+    none_used = tuple(structs.replace(s, used=False) for s in SKY)
     assert with_sky(Satellites(stamp=Stamp(T0), satellites=none_used)) == pytest.approx(0.1, rel=1e-6)
 
 
@@ -100,8 +99,8 @@ def test_a_receiver_that_the_filter_excludes_gives_no_fix_any_more() -> None:
     radio = fed_radio()
     radio.refuse(frozenset({"gnss"}))
     later = T0 + 2 * 10**9
-    radio.feed("gnss", dataclasses.replace(FIX, stamp=Stamp(later), alt=760.0), later)
+    radio.feed("gnss", structs.replace(FIX, stamp=Stamp(later), alt=760.0), later)
     assert not radio.solution(later).valid
     radio.refuse(frozenset())
-    radio.feed("gnss", dataclasses.replace(FIX, stamp=Stamp(later), alt=760.0), later)
+    radio.feed("gnss", structs.replace(FIX, stamp=Stamp(later), alt=760.0), later)
     assert radio.solution(later).alt == pytest.approx(758.5, abs=0.1)

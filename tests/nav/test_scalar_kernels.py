@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
+from msgspec import structs
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -123,7 +123,7 @@ def test_bias_and_scale_of_an_altimeter_are_expected_of_it(ground: Ground, kind:
         there, here = AltimeterPredictor(bare, ground).predict(nav, RANGE_SD), biased.predict(nav, RANGE_SD)
         if isinstance(there, ExpectedSample) and isinstance(here, ExpectedSample):
             assert here.slant_range == pytest.approx(1.01 * there.slant_range + 2.0)
-            assert dataclasses.replace(here, slant_range=there.slant_range) == there
+            assert structs.replace(here, slant_range=there.slant_range) == there
 
 
 def test_the_threshold_of_the_leading_edge_is_that_of_the_configuration(ground: Ground) -> None:

@@ -1,12 +1,12 @@
 """Validity: every rule alone, and properties that hold for every sample."""
 
-import dataclasses
 import math
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from fti.config import Altimeter
 from fti.messages.reasons import Reason
@@ -39,7 +39,7 @@ GOOD = Sample(
 
 
 def _with(sample: Sample = GOOD, /, **change: Any) -> Sample:
-    return dataclasses.replace(sample, **change)
+    return structs.replace(sample, **change)
 
 
 @pytest.mark.parametrize(

@@ -54,8 +54,7 @@ def feed(used: bool, seconds: int) -> tuple[DeviceMonitor, int]:
 
 
 def clocks(diagnosis: DeviceMonitor, now_ns: int) -> list[dict[str, Any]]:
-    contents: list[dict[str, Any]] = to_table(diagnosis.devices(now_ns)["receiver"].clocks)
-    return contents
+    return list(to_table(diagnosis.devices(now_ns)["receiver"].clocks))
 
 
 @pytest.mark.parametrize("used", [True, False])

@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from msgspec import UNSET, UnsetType
 
-from fti.messages.control import ControlMessage, PageFault, PageMark, SendBytes, Stop, ToRecorder
-from fti.messages.tables import ABSENT, Absent, from_table
+from fti.messages.control import ControlMessage, PageCommand, PageFault, PageMark, SendBytes, Stop, ToRecorder
+from fti.messages.tables import from_table
 from fti.service.control_channel import (
     MAX_PENDING_BYTES,
     ControlChannel,
@@ -26,7 +27,11 @@ from fti.service.control_channel import (
 from tests.helpers import fail, until
 
 CLASSES = {cls.__name__: cls for cls in typing.get_args(ControlMessage)}
-st.register_type_strategy(Absent, st.just(ABSENT))
+st.register_type_strategy(UnsetType, st.just(UNSET))
+st.register_type_strategy(
+    PageCommand,
+    st.builds(PageCommand, *[st.text()] * 4, st.dictionaries(st.text(), st.text())),  # its default is a function
+)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
@@ -83,12 +88,12 @@ def test_whatever_comes_is_a_message_or_an_error(name: str, fields: Any, line: b
         (b"{", "b'{' is not a message: a table with one entry"),
         (b"[1]", "b'[1]' is not a message: a table with one entry"),
         (b'{"PageFault":{"text":"x"}}', "unknown message 'PageFault'; there are Stop, SnapshotTrigger, SendBytes, "),
-        (sending(id="7"), "SendBytes: id: '7' is not int"),
-        (sending(id=True), "SendBytes: id: 'True' is not int"),
-        (sending(until_ns=1.5), "SendBytes: until_ns: '1.5' is not int or null"),
-        (sending(until=1), "SendBytes: until: unknown field; there are id, link, "),
-        (b'{"SendBytes":{"id":7,"link":"line"}}', "SendBytes: data: is missing"),
-        (b'{"SendBytes":[]}', "SendBytes: the message: '[]' is not SendBytes"),
+        (sending(id="7"), "SendBytes: id: Expected `int`, got `str`"),
+        (sending(id=True), "SendBytes: id: Expected `int`, got `bool`"),
+        (sending(until_ns=1.5), "SendBytes: until_ns: Expected `int | null`, got `float`"),
+        (sending(until=1), "SendBytes: Object contains unknown field `until`"),
+        (b'{"SendBytes":{"id":7,"link":"line"}}', "SendBytes: Object missing required field `data`"),
+        (b'{"SendBytes":[]}', "SendBytes: Expected `object`, got `array`"),
     ],
 )
 def test_a_malformed_message_is_named_and_the_next_one_is_received(line: bytes, text: str) -> None:
@@ -104,9 +109,11 @@ def test_a_malformed_message_is_named_and_the_next_one_is_received(line: bytes, 
 
 def test_the_path_of_a_wrong_field_is_named() -> None:
     report = {"devices": {"ins": {"clocks": [{"scale": 3}]}}, "navigation": {}}
-    with pytest.raises(ControlMessageError, match=r"^NavigationReport: devices.ins.link: is missing$"):
+    with pytest.raises(
+        ControlMessageError, match=r"^NavigationReport: devices\[...\]\.clocks\[0\]\.scale: Expected `str`, got `int`$"
+    ):
         decode(json.dumps({"NavigationReport": report}).encode(), CLASSES)
-    with pytest.raises(ValueError, match=r"^data: 'None' is not str$"):
+    with pytest.raises(ValueError, match=r"^data: Expected `str`, got `null`$"):
         from_table(SendBytes, {**GOOD, "data": None})
 
 

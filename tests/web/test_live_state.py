@@ -1,10 +1,10 @@
 """The state of a display: values age after their arrival, and a late value is not valid."""
 
 import json
-from dataclasses import asdict
 from typing import Any
 
 import pytest
+from msgspec.structs import asdict
 
 from fti.alarms.alarm_list import Alarm
 from fti.alarms.condition import Condition, Severity

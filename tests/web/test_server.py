@@ -5,7 +5,6 @@ import json
 import re
 import socket
 from collections.abc import AsyncIterator, Callable
-from dataclasses import asdict
 from typing import Any
 
 import aiohttp
@@ -13,6 +12,7 @@ import pytest
 
 from fti.errors import MissingError
 from fti.messages.control import CommandProgress, DeviceCommands, PageCommand, PageMark, UsableDevices
+from fti.messages.tables import to_table
 from fti.web.commands import CommandGate, Send
 from fti.web.live_state import LiveState
 from fti.web.server import PageServer, static_files
@@ -243,7 +243,7 @@ async def test_pages_receive_commands_after_a_change(site: Site) -> None:
         site.server.board.update(UsableDevices((MAG,)))
         while (message := await ws.receive_json())["type"] != "commands":
             pass
-        assert message == {"type": "commands", "devices": [asdict(MAG)], "requests": []}
+        assert message == {"type": "commands", "devices": [to_table(MAG)], "requests": []}
         for n in range(25):
             site.server.board.update(progress(n, "sending"))
         site.server.board.update(progress(24, "acknowledged"))

@@ -40,7 +40,6 @@ from fti.drivers.arinc429.label_codec import Handler, LabelCodec, SourceKey, mak
 from fti.drivers.arinc429.labels import Label, LabelSet, choose
 from fti.drivers.arinc429.packets import Packets, boot_ns
 from fti.drivers.arinc429.stream import SEARCH_BYTES, WORD_BYTES, WordStream, required_words
-from fti.formats.fast_messages import fast_stamp
 from fti.formats.quantities import QUANTITIES
 from fti.messages.measurements import Measurement, Stamp, TimeScale
 
@@ -112,7 +111,7 @@ class Decoder:
         measurements: list[Measurement] = []
         for t_rx, frame in self._framer.feed(data, t_rx_ns):
             if self._packets is None:
-                measurements += self._decode_word(self._word(frame), fast_stamp(t_rx))
+                measurements += self._decode_word(self._word(frame), Stamp(t_rx))
             else:
                 measurements += self._decode_packet(self._packets, frame, t_rx)
         return measurements

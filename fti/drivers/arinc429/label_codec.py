@@ -6,10 +6,11 @@ state other than normal also gives a DeviceStatus with the flag <name>_<state>.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple, Protocol
+
+from msgspec import structs
 
 from fti.constants import FOOT
 from fti.drivers.arinc429 import word as wire
@@ -99,7 +100,7 @@ class NumberLabel:
         measurement = self.quantity.make(stamp, None, valid=False) if si is None else self._make(stamp, si, not cause)
         if self.label.steps and si is not None and isinstance(measurement, RadioHeight):
             sd = quantisation_step_ft(round(si / FOOT, 6)) * FOOT / math.sqrt(12)
-            measurement = dataclasses.replace(measurement, sd=sd)
+            measurement = structs.replace(measurement, sd=sd)
         status = [_status(stamp, self.name, cause)] if cause else []
         return [measurement, *status] if measurement else [*status]
 

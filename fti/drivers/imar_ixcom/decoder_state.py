@@ -9,12 +9,10 @@ from fti.drivers.imar_ixcom.deviations import UNKNOWN, StandardDeviations
 from fti.drivers.imar_ixcom.options import Options
 from fti.drivers.imar_ixcom.status import SYSTEM_ERRORS
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.formats.fast_messages import fast_class
 from fti.messages.measurements import DeviceStatus, Stamp
 
 #: Maximum age of sigmas and status words [ns].
 MAX_AGE_NS = 5_000_000_000
-new_status = fast_class(DeviceStatus)
 
 
 class DecoderState:
@@ -54,7 +52,7 @@ class DecoderState:
             return []
         self._last_flags = flags
         ok = frame.footer.ok and SYSTEM_ERRORS.isdisjoint(flags)
-        return [new_status(stamp=frame.stamp, ok=ok, flags=flags)]
+        return [DeviceStatus(stamp=frame.stamp, ok=ok, flags=flags)]
 
 
 @lru_cache(maxsize=256)

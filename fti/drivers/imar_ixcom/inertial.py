@@ -20,12 +20,10 @@ import struct
 from fti.drivers.imar_ixcom.data_selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
 from fti.drivers.imar_ixcom.generic_values import all_finite, decode_generic_values, xyz
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.formats.fast_messages import fast_class
 from fti.geodesy.formulas import Vector
 from fti.messages.measurements import ImuSample, Measurement, Stamp
 
 IMU = struct.Struct("<3f3f")
-new_sample = fast_class(ImuSample)
 LOST = (math.nan, math.nan, math.nan)
 #: Readings of IMUCOMP.
 GRAVITY_FREE = (*xyz("accel_gravity_free", "m/s^2"), *xyz("gyro_earth_rate_free", "rad/s"))
@@ -37,7 +35,7 @@ def decode_imu(stamp: Stamp, accel: Vector, gyro: Vector, selection: int) -> lis
         return [*decode_generic_values(stamp, GRAVITY_FREE, (*accel, *gyro))]
     if not selection & (IMU_RAW | IMU_CORRECTED) or not all_finite(*accel, *gyro):
         return []
-    return [new_sample(stamp=stamp, accel_b=accel, gyro_b=gyro)]
+    return [ImuSample(stamp=stamp, accel_b=accel, gyro_b=gyro)]
 
 
 def decode_message(frame: IxcomFrame, selection: int) -> list[Measurement]:

@@ -34,14 +34,12 @@ from fti.drivers.imar_ixcom.deviations import StandardDeviations
 from fti.drivers.imar_ixcom.generic_values import all_finite, nan_if_none
 from fti.drivers.imar_ixcom.inertial import LOST, decode_imu
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.formats.fast_messages import fast_class
 from fti.geodesy.formulas import Vector, mat_en, mat_nb, rotate, rotate_back, wrap_heading
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
 
 INSSOL = struct.Struct("<3f3f3f3fddfhH")
 THREE = struct.Struct("<3f")
 POSITION = struct.Struct("<ddf")
-new_attitude, new_velocity, new_position = fast_class(Attitude), fast_class(Velocity), fast_class(Position)
 GeodeticPosition = tuple[float | None, float | None, float | None]  # lat, lon, alt
 
 
@@ -65,7 +63,7 @@ def decode_inssol(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measur
 
 def _attitude(frame: IxcomFrame, rpy: Vector, sd: StandardDeviations) -> Attitude:
     roll, pitch, yaw = rpy
-    return new_attitude(
+    return Attitude(
         stamp=frame.stamp,
         roll=roll,
         pitch=pitch,
@@ -78,7 +76,7 @@ def _attitude(frame: IxcomFrame, rpy: Vector, sd: StandardDeviations) -> Attitud
 
 
 def _velocity(frame: IxcomFrame, ned: Vector, sd: StandardDeviations) -> Velocity:
-    return new_velocity(
+    return Velocity(
         stamp=frame.stamp, north=ned[0], east=ned[1], down=ned[2], sd=sd.velocity, valid=frame.footer.is_aligned
     )
 
@@ -118,7 +116,7 @@ def _position(
     alt_msl: float | None = None,
     undulation: float | None = None,
 ) -> Position:
-    return new_position(
+    return Position(
         stamp=frame.stamp,
         lat=coordinates[0],
         lon=coordinates[1],

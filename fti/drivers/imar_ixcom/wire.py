@@ -9,14 +9,12 @@ from typing import NamedTuple
 from fti.drivers._framing import Skip, skip_to
 from fti.drivers.imar_ixcom.status import Footer, decode_footer
 from fti.formats.device_time import SECOND_NS, gps_ns, gps_week
-from fti.formats.fast_messages import fast_class
 from fti.messages.measurements import Stamp, TimeScale
 
 SYNC = b"\x7e"
 HEADER = struct.Struct("<BBBBHHII")
 FOOTER_SIZE = 4
 FRAME_MIN, FRAME_MAX = HEADER.size + FOOTER_SIZE, 4096
-new_stamp = fast_class(Stamp)
 
 
 class IxcomFrame(NamedTuple):
@@ -49,7 +47,7 @@ def read_frame(data: bytes, t_rx_ns: int) -> IxcomFrame:
     _, number, counter, _, _, week, seconds, micros = HEADER.unpack_from(data)
     footer = decode_footer(data[-4] | data[-3] << 8)
     t_gps_ns = gps_ns(week, seconds * SECOND_NS + micros * 1000)
-    stamp = new_stamp(t_rx_ns, t_gps_ns, TimeScale.GPS) if footer.is_time_valid else new_stamp(t_rx_ns)
+    stamp = Stamp(t_rx_ns, t_gps_ns, TimeScale.GPS) if footer.is_time_valid else Stamp(t_rx_ns)
     return IxcomFrame(number, counter, stamp, data[HEADER.size : -FOOTER_SIZE], footer)
 
 

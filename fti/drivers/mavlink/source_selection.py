@@ -8,8 +8,9 @@ other sources become Readings, see ``_source_priority``; the Reading "distance_s
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from fti.drivers._source_priority import SOURCE_TIMEOUT_NS, SourcePriority, ranks_of
 from fti.messages.measurements import Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from fti.constants import SPEED_OF_LIGHT
 from fti.drivers.novatel_oem6.framing import NovatelHeader

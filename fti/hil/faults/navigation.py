@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Hashable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from fti.geodesy.formulas import wrap_half_turn
 from fti.hil.tables.fault_types import AttitudeOffset, Latency, SwappedCoordinates, Undulation

@@ -6,9 +6,9 @@ import math
 import zlib
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from fti.hil.faults.navigation import DelayLine, NavigationFault, misstate
 from fti.hil.tables.fault_base import DeviceFault, LinkFault, QuantityFault

@@ -6,9 +6,10 @@ message that the daemon records.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Any
+
+from msgspec import structs
 
 from fti.config import CanLink, Config
 from fti.devices import BoundDevice, bind_devices
@@ -85,7 +86,7 @@ def _channel_error(channel: str, config: Config) -> str:
     kind = kinds.get(rest[0]) if rest else None
     if kind is None:
         return f"unknown topic {'/'.join(rest)!r} of /{begin}; allowed: {_join_names(kinds)}"
-    fields = [one.name for one in dataclasses.fields(kind)]
+    fields = [one.name for one in structs.fields(kind)]
     field_error = "" if field in fields else f"unknown field {field!r}; allowed: {_join_names(fields)}"
     return _part_error(kind, rest[1:], config) or field_error
 

@@ -25,16 +25,17 @@ from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, pressure_altitude
 from fti.hil.environment import HEAT_RATIO, Environment, calibrated_airspeed, impact_pressure
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.errors import first_order_lag, gauss_markov_noise, white_noise
-from fti.hil.sensors.fast_messages import (
-    new_airspeed,
-    new_flow_angles,
-    new_impact_pressure,
-    new_pressure_altitude,
-    new_static_pressure,
-    new_temperature,
-)
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
-from fti.messages.measurements import Measurement, Stamp
+from fti.messages.measurements import (
+    Airspeed,
+    FlowAngles,
+    ImpactPressure,
+    Measurement,
+    PressureAltitude,
+    Stamp,
+    StaticPressure,
+    Temperature,
+)
 
 Array = NDArray[np.float64]
 Lag = Annotated[float, Field(ge=0, le=10)]
@@ -94,13 +95,13 @@ class AirData:
         """All measurements of sample k; altitude first at the standard setting, then at the crew's setting."""
         p_static, q_c, alt_press, cas, tas, temperature, aoa, aos = self._rows[k].tolist()
         return [
-            new_static_pressure(stamp=stamp, p_static=p_static),
-            new_impact_pressure(stamp=stamp, q_c=q_c),
-            new_pressure_altitude(stamp=stamp, alt_press=alt_press, setting_pa=STANDARD_PA),
-            new_pressure_altitude(stamp=stamp, alt_press=alt_press - self._at_setting),
-            new_airspeed(stamp=stamp, cas=cas, ias=cas, tas=tas),
-            new_temperature(stamp=stamp, static=temperature),
-            new_flow_angles(stamp=stamp, aoa=aoa, aos=aos),
+            StaticPressure(stamp=stamp, p_static=p_static),
+            ImpactPressure(stamp=stamp, q_c=q_c),
+            PressureAltitude(stamp=stamp, alt_press=alt_press, setting_pa=STANDARD_PA),
+            PressureAltitude(stamp=stamp, alt_press=alt_press - self._at_setting),
+            Airspeed(stamp=stamp, cas=cas, ias=cas, tas=tas),
+            Temperature(stamp=stamp, static=temperature),
+            FlowAngles(stamp=stamp, aoa=aoa, aos=aos),
         ]
 
 

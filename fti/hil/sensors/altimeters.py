@@ -12,9 +12,8 @@ from pydantic import Field
 from fti.devices import BoundDevice
 from fti.hil.environment import Environment
 from fti.hil.sensors.errors import white_noise
-from fti.hil.sensors.fast_messages import new_radio_height, new_range, new_reading, new_status
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
-from fti.messages.measurements import Measurement, Stamp
+from fti.messages.measurements import DeviceStatus, Measurement, RadioHeight, Range, Reading, Stamp
 from fti.ranging.radar.altimeter import RadarAltimeter as FmcwAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.edge import edge_at
@@ -68,8 +67,8 @@ class RadarAltimeterModel:
         locked = self._range[0] <= height <= self._range[1]
         flags = ("in_air",) if locked else ("in_air", "unlocked")
         return [
-            new_status(stamp=stamp, ok=locked, flags=flags),
-            new_radio_height(stamp=stamp, height_agl=max(height, 0.0) if locked else None, valid=locked),
+            DeviceStatus(stamp=stamp, ok=locked, flags=flags),
+            RadioHeight(stamp=stamp, height_agl=max(height, 0.0) if locked else None, valid=locked),
         ]
 
 
@@ -97,6 +96,6 @@ class LaserAltimeterModel:
         valid = self._range[0] <= slant_range <= self._range[1]
         strength = min(1.0, (self.FULL_STRENGTH_M / slant_range) ** 2) if valid else 0.0
         return [
-            new_reading(stamp=stamp, name="first_strength", value=100.0 * strength, unit="%"),
-            new_range(stamp=stamp, slant_range=slant_range if valid else None, valid=valid),
+            Reading(stamp=stamp, name="first_strength", value=100.0 * strength, unit="%"),
+            Range(stamp=stamp, slant_range=slant_range if valid else None, valid=valid),
         ]

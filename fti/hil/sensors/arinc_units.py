@@ -19,12 +19,11 @@ from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.dme import Interrogator
 from fti.hil.sensors.errors import gauss_markov_noise
-from fti.hil.sensors.fast_messages import new_deviation, new_reading, new_status, new_temperature
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import declination
 from fti.hil.sensors.sensor_settings import settings_of
-from fti.messages.measurements import Measurement, Stamp, TimeScale
+from fti.messages.measurements import Deviation, DeviceStatus, Measurement, Reading, Stamp, Temperature, TimeScale
 
 Array = NDArray[np.float64]
 
@@ -85,9 +84,7 @@ class IlsReceiver:
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Both deviations; no glide slope over the runway."""
         localizer, glide = self._deviations[k].tolist()
-        return [
-            new_deviation(stamp=stamp, localizer_ddm=localizer, glide_slope_ddm=None if math.isnan(glide) else glide)
-        ]
+        return [Deviation(stamp=stamp, localizer_ddm=localizer, glide_slope_ddm=None if math.isnan(glide) else glide)]
 
 
 class ArincUnit:
@@ -122,7 +119,7 @@ class ArincUnit:
         readings |= self._inertial(k) | self._equipment
         measurements += _readings(stamp, readings | self._gnss(k, stamp))
         total = temperature * (1.0 + 0.2 * mach**2)
-        return [*measurements, new_temperature(stamp=stamp, total=total), new_status(stamp=stamp, ok=True)]
+        return [*measurements, Temperature(stamp=stamp, total=total), DeviceStatus(stamp=stamp, ok=True)]
 
     def _gnss(self, k: int, stamp: Stamp) -> dict[str, float | None]:
         """Status of the receiver; without a fix it computes neither dilution nor integrity limits."""
@@ -146,6 +143,6 @@ class ArincUnit:
 def _readings(stamp: Stamp, values: dict[str, float | None]) -> list[Measurement]:
     """Readings by name; one without a value is invalid."""
     return [
-        new_reading(stamp=stamp, name=name, value=value, unit=UNITS.get(name, ""), valid=value is not None)
+        Reading(stamp=stamp, name=name, value=value, unit=UNITS.get(name, ""), valid=value is not None)
         for name, value in values.items()
     ]

@@ -10,12 +10,21 @@ from fti.hil.environment import Environment, mounting
 from fti.hil.sensors.air_data import AirData
 from fti.hil.sensors.avionics import HeadingReference
 from fti.hil.sensors.errors import white_noise
-from fti.hil.sensors.fast_messages import new_field, new_impact_pressure, new_range, new_sample, new_static_pressure
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import earth_field_b
 from fti.hil.sensors.sensor_settings import settings_of
-from fti.messages.measurements import DeviceStatus, Measurement, Range, Stamp, TimeScale
+from fti.messages.measurements import (
+    DeviceStatus,
+    ImpactPressure,
+    ImuSample,
+    MagneticField,
+    Measurement,
+    Range,
+    Stamp,
+    StaticPressure,
+    TimeScale,
+)
 
 
 class AutopilotUnit:
@@ -48,8 +57,8 @@ class AutopilotUnit:
         gx, gy, gz = self._gyro[k].tolist()
         mx, my, mz = self._field[k].tolist()
         measurements: list[Measurement] = [
-            new_field(stamp=stamp, field_b=(mx, my, mz)),
-            new_sample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
+            MagneticField(stamp=stamp, field_b=(mx, my, mz)),
+            ImuSample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
             self._reference.attitude(k, stamp),
         ]
         if self._ranges is not None and k % self.RANGE_EVERY == 0:
@@ -59,8 +68,8 @@ class AutopilotUnit:
             measurements += [reference.satellites(k, stamp), reference.velocity(k, stamp), reference.position(k, stamp)]
         if k % self.PRESSURE_EVERY == 0:
             measurements += [
-                new_impact_pressure(stamp=stamp, q_c=float(self._air.q_c[k])),
-                new_static_pressure(stamp=stamp, p_static=float(self._air.p_static[k])),
+                ImpactPressure(stamp=stamp, q_c=float(self._air.q_c[k])),
+                StaticPressure(stamp=stamp, p_static=float(self._air.p_static[k])),
             ]
         if k % self.HEARTBEAT_EVERY == 0:
             measurements.append(DeviceStatus(stamp=stamp, ok=True, flags=("active", "armed", "auto")))
@@ -68,4 +77,4 @@ class AutopilotUnit:
 
     def _range(self, slant_range: float, stamp: Stamp) -> Range:
         valid = self._limits[0] <= slant_range <= self._limits[1]
-        return new_range(stamp=stamp, slant_range=slant_range if valid else None, sd=self.LASER_SD, valid=valid)
+        return Range(stamp=stamp, slant_range=slant_range if valid else None, sd=self.LASER_SD, valid=valid)

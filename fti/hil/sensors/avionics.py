@@ -14,7 +14,6 @@ from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.air_data import AirData
 from fti.hil.sensors.altimeters import RadarAltimeterModel
 from fti.hil.sensors.errors import gauss_markov_noise
-from fti.hil.sensors.fast_messages import new_attitude
 from fti.hil.sensors.gnss_reception import NAVIGATION, Reception
 from fti.messages.measurements import Attitude, Measurement, Position, Satellites, Stamp, Velocity
 
@@ -38,7 +37,7 @@ class HeadingReference:
     def attitude(self, k: int, stamp: Stamp) -> Attitude:
         """Roll, pitch and heading of sample k."""
         roll, pitch, heading = self._rpy[k].tolist()
-        return new_attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading)
+        return Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading)
 
     def position(self, k: int, stamp: Stamp) -> Position:
         """Position of sample k from the receiver."""

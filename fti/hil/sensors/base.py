@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from fti.devices import BoundDevice
 from fti.drivers import Encoder
 from fti.errors import ConfigError
-from fti.formats.fast_messages import fast_stamp
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import displace
 from fti.hil.environment import Environment
 from fti.hil.flight.trajectory import FlightState
-from fti.hil.sensors.fast_messages import new_stamp
 from fti.hil.sensors.model import SensorModelType
 from fti.hil.sensors.mounting_error import make_model
 from fti.hil.tables.schema import SensorSettings
@@ -82,8 +80,8 @@ class SimulatedSensor:
         true_ns = start_ns + round(t * SECOND_NS)
         if self._time_scale is TimeScale.BOOT:
             on_s = max(t - self._powered_s, 0.0) * (1.0 + 1e-6 * self.drift_ppm)
-            return new_stamp(true_ns, round(on_s * SECOND_NS), TimeScale.BOOT)
-        return new_stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else fast_stamp(true_ns)
+            return Stamp(true_ns, round(on_s * SECOND_NS), TimeScale.BOOT)
+        return Stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else Stamp(true_ns)
 
 
 def _or_default(setting: float | None, default: float) -> float:

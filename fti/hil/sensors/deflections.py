@@ -37,9 +37,8 @@ from fti.hil.environment import Environment
 from fti.hil.flight.coordinated_flight import TRIM_AOA
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.errors import backlash, white_noise
-from fti.hil.sensors.fast_messages import new_deflection
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
-from fti.messages.measurements import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp, SurfaceDeflection
 
 Array = NDArray[np.float64]
 
@@ -160,7 +159,7 @@ class DeflectionPickups:
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Every pickup; the encoder sends those of its bus."""
-        return [new_deflection(stamp=stamp, surface=s, deflection=None, raw=raw[k]) for s, raw in self._raw.items()]
+        return [SurfaceDeflection(stamp=stamp, surface=s, deflection=None, raw=raw[k]) for s, raw in self._raw.items()]
 
 
 def table_error(table: CalibrationTable, angle: Array, shares: Array) -> Array:

@@ -28,8 +28,7 @@ from fti.geodesy.formulas import SEMI_MAJOR
 from fti.hil.environment import Environment
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.errors import gauss_markov_noise
-from fti.hil.sensors.fast_messages import new_dme_range
-from fti.messages.measurements import Measurement, Stamp
+from fti.messages.measurements import DmeRange, Measurement, Stamp
 from fti.terrain.ray_outcome import RayOutcome
 
 Array = NDArray[np.float64]
@@ -63,7 +62,7 @@ class Interrogator:
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """The four ranges of sample k; an unlocked station has none."""
         return [
-            new_dme_range(stamp=stamp, station=name, slant_range=None if math.isnan(r) else r, valid=not math.isnan(r))
+            DmeRange(stamp=stamp, station=name, slant_range=None if math.isnan(r) else r, valid=not math.isnan(r))
             for name, r in zip(STATIONS, self._ranges[k].tolist(), strict=True)
         ]
 

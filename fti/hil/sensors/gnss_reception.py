@@ -32,7 +32,6 @@ from fti.hil.environment import Environment
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.sensors.base import position_at, velocity_at
 from fti.hil.sensors.constellation import Constellation, dilution
-from fti.hil.sensors.fast_messages import new_position, new_satellites, new_velocity
 from fti.messages.measurements import Position, Satellites, Stamp, Velocity
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
@@ -143,9 +142,9 @@ class Reception:
     def position(self, k: int, stamp: Stamp) -> Position:
         """Position of sample k, with both heights and the undulation; invalid without a fix."""
         if not self._has_fix[k]:
-            return new_position(stamp=stamp, valid=False)
+            return Position(stamp=stamp, valid=False)
         lat, lon, alt, horizontal_sd, vertical_sd = self._places[k].tolist()
-        return new_position(
+        return Position(
             stamp=stamp, lat=lat, lon=lon, alt=alt, alt_msl=alt - self._undulation, undulation=self._undulation,
             horizontal_sd=horizontal_sd, vertical_sd=vertical_sd,
         )  # fmt: skip
@@ -153,9 +152,9 @@ class Reception:
     def velocity(self, k: int, stamp: Stamp) -> Velocity:
         """Velocity of sample k, in components and as ground speed and track; invalid without a fix."""
         if not self._has_fix[k]:
-            return new_velocity(stamp=stamp, valid=False)
+            return Velocity(stamp=stamp, valid=False)
         north, east, down = self._solution_vel_n[k].tolist()
-        return new_velocity(
+        return Velocity(
             stamp=stamp, north=north, east=east, down=down, ground_speed=math.hypot(north, east),
             track=math.atan2(east, north) % (2 * math.pi), sd=self._epochs[self._knot[k]].vel_sd,
         )  # fmt: skip
@@ -164,9 +163,9 @@ class Reception:
         """Number of satellites used for sample k, and their dilution of precision; 0 without a fix."""
         epoch = self._epochs[self._knot[k]]
         if not self._has_fix[k]:
-            return new_satellites(stamp=stamp, used=0)
+            return Satellites(stamp=stamp, used=0)
         hdop, vdop, pdop = epoch.dop
-        return new_satellites(stamp=stamp, used=epoch.used, hdop=hdop, vdop=vdop, pdop=pdop)
+        return Satellites(stamp=stamp, used=epoch.used, hdop=hdop, vdop=vdop, pdop=pdop)
 
 
 def _epochs(

@@ -17,7 +17,6 @@ from fti.hil.faults.inertial import bias_steps
 from fti.hil.flight.trajectory import FlightState, earth_frame_velocity
 from fti.hil.sensors.base import position_at, velocity_at
 from fti.hil.sensors.errors import gauss_markov_noise
-from fti.hil.sensors.fast_messages import new_attitude, new_position, new_sample, new_velocity
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, GradeName, calibrate_gyros
 from fti.hil.sensors.inertial_aids import AidingMessages, status
@@ -33,7 +32,7 @@ from fti.hil.sensors.inertial_solution import (
     free_mask,
 )
 from fti.hil.sensors.sensor_settings import settings_of
-from fti.messages.measurements import Measurement, Position, Stamp, TimeScale
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, Stamp, TimeScale, Velocity
 
 Array = NDArray[np.float64]
 
@@ -108,9 +107,9 @@ class InertialNavigation:
         return [
             # the status when the system loses or regains its satellites; later messages repeat it
             *([status(stamp, is_free=is_free)] if is_free != (self._is_free[k - 1] if k else False) else []),
-            new_sample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
-            new_attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading),
-            new_velocity(stamp=stamp, north=north, east=east, down=down, sd=velocity_sd),
+            ImuSample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
+            Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading),
+            Velocity(stamp=stamp, north=north, east=east, down=down, sd=velocity_sd),
             self._position(stamp, *position, horizontal_sd=h_sd, vertical_sd=v_sd),
             *self._aids.measure(k, stamp),
         ]
@@ -118,7 +117,7 @@ class InertialNavigation:
     def _position(
         self, stamp: Stamp, lat: float, lon: float, alt: float, *, horizontal_sd: float, vertical_sd: float
     ) -> Position:
-        return new_position(
+        return Position(
             stamp=stamp,
             lat=lat,
             lon=lon,

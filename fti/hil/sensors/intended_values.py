@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from fti.formats.fast_messages import fast_stamp
 from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.encoding_check import is_carried
 from fti.hil.sensors.quantity_check import first_cycles
 from fti.hil.sensors.sent_rates import encode_cycles
 from fti.hil.tables.quantity_names import NAME_FIELDS, MeasurementField, quantities
-from fti.messages.measurements import Measurement
+from fti.messages.measurements import Measurement, Stamp
 
 SAMPLE_PERIOD_S = 1.0
 #: The messages of this time contain every value that a device sends [s].
@@ -53,7 +52,7 @@ def _device_values(sensor: SimulatedSensor) -> Iterator[IntendedValues]:
     """A sample of every second; measurements at lower rates are in the samples at whole seconds."""
     sent = _encoded_names(sensor, first_cycles(sensor, CHECK_DURATION_S))
     for k in range(0, len(sensor.t), max(round(SAMPLE_PERIOD_S * sensor.rate_hz), 1)):
-        values = {name: v for name, v in numbers(sensor.model.measure(k, fast_stamp(0))).items() if name in sent}
+        values = {name: v for name, v in numbers(sensor.model.measure(k, Stamp(0))).items() if name in sent}
         if values:
             yield IntendedValues(sensor.name, float(sensor.t[k]), values)
 

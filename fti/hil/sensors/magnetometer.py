@@ -23,10 +23,9 @@ from fti.geodesy.magnetic import magnetic_field_n
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.environment import Environment, mounting
 from fti.hil.flight.trajectory import FlightState
-from fti.hil.sensors.fast_messages import new_field
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.hil.tables.fault_base import NotNegative
-from fti.messages.measurements import Measurement, Stamp
+from fti.messages.measurements import MagneticField, Measurement, Stamp
 
 Array = NDArray[np.float64]
 
@@ -82,4 +81,4 @@ class Magnetometer:
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """The field in the axes of the case."""
         x, y, z = self._field[k].tolist()
-        return [new_field(stamp=stamp, field_b=(x, y, z))]
+        return [MagneticField(stamp=stamp, field_b=(x, y, z))]

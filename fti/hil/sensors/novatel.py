@@ -9,10 +9,10 @@ the delay of the ionosphere goes with the inverse square of the frequency.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT

@@ -6,10 +6,11 @@ component follows.  SI units and radians, as in ``fti.messages``.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_type_hints
+
+from msgspec import structs
 
 from fti.messages.measurements import Measurement
 from fti.messages.topics import MEASUREMENT_CLASSES
@@ -73,4 +74,4 @@ def change_quantity(
         new: Any = (*value[: quantity.component], change(value[quantity.component]), *value[quantity.component + 1 :])
     else:
         new = round(change(value)) if quantity.is_integer else change(value)
-    return dataclasses.replace(measurement, **{quantity.field: new})
+    return structs.replace(measurement, **{quantity.field: new})

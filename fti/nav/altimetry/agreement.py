@@ -26,8 +26,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from itertools import pairwise
+
+from msgspec import Struct
 
 from fti.config import Altimeter
 from fti.messages.outputs import HeightAboveGround
@@ -57,8 +58,7 @@ MAX_SAMPLES, SPACING_NS = 64, 50_000_000
 WRONG_SIGMAS, GOOD_SIGMAS = 3.0, 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class ComparableHeight:
+class ComparableHeight(Struct, frozen=True, gc=False):
     """The comparable part of a height.
 
     level, level_sd : height of P over level ground [m]; below, below_sd : over the ground straight below; None: unknown

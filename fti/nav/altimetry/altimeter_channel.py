@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from fti.config import Device, Vector
 from fti.messages.measurements import RadioHeight, Range
@@ -58,8 +60,7 @@ NO_RANGE_REASONS = frozenset(
 INCONCLUSIVE_REASONS = frozenset({Reason.ROLL, Reason.PITCH, Reason.DISPERSION, Reason.INCIDENCE})
 
 
-@dataclass(frozen=True, slots=True)
-class AltimeterReading:
+class AltimeterReading(Struct, frozen=True, gc=False):
     """A sample as the device states it, with its validity time."""
 
     t_ns: int
@@ -69,8 +70,7 @@ class AltimeterReading:
     flagged: bool
 
 
-@dataclass(frozen=True, slots=True)
-class NadirHeight:
+class NadirHeight(Struct, frozen=True, gc=False):
     """Height of P above the ground straight below it, its one sigma [m], and its compensation."""
 
     height_agl: float

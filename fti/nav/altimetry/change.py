@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from fti.messages.reasons import Reason
 from fti.nav.altimetry.mismatch import MismatchTest

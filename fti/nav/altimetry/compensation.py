@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
 from fti.config import Device, Vector
@@ -49,8 +50,7 @@ class Mounting:
     half_beam: float
 
 
-@dataclass(frozen=True, slots=True)
-class CompensatedHeight:
+class CompensatedHeight(Struct, frozen=True, gc=False):
     """A height above ground at P [m] and its one sigma [m]; sd is None when the sensor's is unknown."""
 
     height_agl: float

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from fti.messages.outputs import Compensation
 from fti.messages.reasons import Reason
 
 
-@dataclass(frozen=True, slots=True)
-class ExpectedSample:
+class ExpectedSample(Struct, frozen=True, gc=False):
     """The prediction of one sample.
 
     slant_range, range_sd : range that the altimeter should measure [m], and one sigma of measured minus predicted [m]
@@ -40,8 +40,7 @@ class ExpectedSample:
         return (height, self.height_sd, self.compensation) if math.isfinite(height + self.height_sd) else None
 
 
-@dataclass(frozen=True, slots=True)
-class NoGround:
+class NoGround(Struct, frozen=True, gc=False):
     """The predicted beam meets no ground.
 
     min_range, range_sd : the altimeter measures at least this, if anything [m]; one sigma of measured minus it [m]

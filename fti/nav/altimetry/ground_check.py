@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from itertools import combinations
+
+from msgspec import Struct
 
 from fti.config import Altimeter
 from fti.messages.outputs import Event, HeightAboveGround
@@ -40,8 +41,7 @@ MAX_UNCOMPARED_NS = 60 * SECOND_NS
 RANGE_REASONS = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.CHANGE_MISMATCH})
 
 
-@dataclass(frozen=True, slots=True)
-class _Deviation:
+class _Deviation(Struct, frozen=True, gc=False):
     """Measured minus predicted range [m] of a sample at ``t_ns``; its sigma and the measured range [m].
 
     is_beyond : whether it is outside the gate

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from fti.nav.altimetry.expected_sample import ExpectedSample
 from fti.nav.altimetry.sigmas import MAX_SD, POSITION_SD_UNKNOWN, RANGE_SD_UNKNOWN, stated_sd
@@ -19,8 +20,7 @@ MAX_STEP_SHARE, MAX_STEP_M = 0.05, 0.3
 MAX_GROWTH, CHANGES = 5.0, 8
 
 
-@dataclass(frozen=True, slots=True)
-class AltimeterObservation:
+class AltimeterObservation(Struct, frozen=True, gc=False):
     """One sample of an altimeter and what navigation predicts for it.
 
     value        : as the device stated it [m]

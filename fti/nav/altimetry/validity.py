@@ -31,7 +31,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from fti.config import Altimeter
 from fti.messages.reasons import Reason
@@ -46,8 +47,7 @@ MAX_GATE_RATIO = 2.0
 ATTITUDE_DEG, NADIR_M = 10.0, 10.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sample:
+class Sample(Struct, frozen=True, gc=False, kw_only=True):
     """The inputs of the rules for an altimeter at one time.
 
     value       : range or height as the device states it [m]; None without a return

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
+
+from msgspec import structs
 
 from fti.config import Approach, Config, Device
 from fti.messages.outputs import ClearanceIntegrity, Event, GlideSlope, HeightAboveGround, IntegrityState
@@ -125,7 +126,7 @@ class ApproachChannel:
             return []
         if self._monitor.bins is None:
             return self._with_slope(repeated, self._place(nav))
-        return [repeated, dataclasses.replace(self._slope, t_ns=t_ns)]
+        return [repeated, structs.replace(self._slope, t_ns=t_ns)]
 
     def _follow_sources(self, nav: NavState) -> None:
         """Restart the window when the source of position or altitude changes, because its errors do."""

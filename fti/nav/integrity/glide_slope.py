@@ -12,11 +12,10 @@ MONITOR with T1 and T4 below their limits.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct, structs
 
 from fti.messages.outputs import ClearanceIntegrity, GlideSlope, IntegrityState
 from fti.messages.reasons import Reason
@@ -30,8 +29,7 @@ DOT = 0.12
 FULL_SCALE_DOTS = 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class HeightDeviation:
+class HeightDeviation(Struct, frozen=True, gc=False):
     """Height above the path [m] and its sigma [m]."""
 
     dh: float
@@ -70,8 +68,7 @@ def mean_deviation(bins: Bins, reference: ApproachReference) -> HeightDeviation 
     return HeightDeviation(float(np.mean(bins.dh[filled])), sd)
 
 
-@dataclass(frozen=True, slots=True)
-class PathPosition:
+class PathPosition(Struct, frozen=True, gc=False):
     """Position of P: path length s, offset y and altitude above the ellipsoid [m]."""
 
     s: float
@@ -99,7 +96,7 @@ def glide_slope(
         return metres
     angle = deviation(place.s, height.dh, path.glide)
     shown, clamped = dots(angle, path.glide)
-    return dataclasses.replace(
+    return structs.replace(
         metres, valid=not reasons, deviation=angle, sd=height.sd / place.s, dots=shown, clamped=clamped
     )
 

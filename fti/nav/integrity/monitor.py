@@ -17,13 +17,12 @@ Source: Spiegel 2018, 7.2.2, made unambiguous; the alarm limits come with the re
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from msgspec import Struct, structs
 
 from fti.config import Approach
 from fti.messages.outputs import ClearanceIntegrity, IntegrityState
@@ -47,8 +46,7 @@ UPDATE_TIMEOUT_NS = 2_000_000_000
 OBSERVABLE_MARGIN = 1.64
 
 
-@dataclass(frozen=True, slots=True)
-class ClearanceSample:
+class ClearanceSample(Struct, frozen=True, gc=False):
     """One altimeter sample with navigation at its validity time.
 
     agl : raw height above ground moved to P [m]      alt : altitude of P above the ellipsoid [m], vertical_sd its sigma
@@ -191,7 +189,7 @@ class ClearanceMonitor:
             return self._emit(self._unavailable(t_ns, self._last.t_valid_ns, (Reason.STALE,)))
         if t_ns - self._last.t_ns < REPEAT_NS:
             return None
-        self._last = dataclasses.replace(self._last, t_ns=t_ns)
+        self._last = structs.replace(self._last, t_ns=t_ns)
         return self._last
 
     def _exit_reason(self, x: ClearanceSample) -> Reason | None:

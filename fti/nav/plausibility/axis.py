@@ -19,6 +19,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from msgspec import Struct
+
 from fti.config import SourceLimits
 from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.reasons import Reason
@@ -50,8 +52,7 @@ MAX_SIGMA_RATIO = 1.5
 WHITE_FIXES = 200.0
 
 
-@dataclass(frozen=True, slots=True)
-class AxisFix:
+class AxisFix(Struct, frozen=True, gc=False):
     """One position along the axis.
 
     value : as the device states it [rad, m]; metres : per unit of value
@@ -63,8 +64,7 @@ class AxisFix:
     sigma: FixSigma
 
 
-@dataclass(frozen=True, slots=True)
-class _AxisState:
+class _AxisState(Struct, frozen=True, gc=False):
     """State after one fix.  path, speed : integral of the velocity, and velocity; segment : of the velocities"""
 
     t_ns: int

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, Vector, dot, down_row, normal_gravity
 from fti.nav.time_series import SECOND_NS
@@ -13,8 +14,7 @@ from fti.nav.time_series import SECOND_NS
 MAX_ENTRIES = 800
 
 
-@dataclass(frozen=True, slots=True)
-class HorizontalMotion:
+class HorizontalMotion(Struct, frozen=True, gc=False):
     """Horizontal motion, as the vertical channel needs it: lat [rad], velocity north and east [m/s]."""
 
     lat: float

@@ -27,6 +27,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
+from msgspec import Struct
 
 from fti.geodesy.formulas import Vector
 from fti.messages.reasons import Reason
@@ -80,8 +81,7 @@ class VerticalSettings:
     max_sd: float = 50.0
 
 
-@dataclass(frozen=True, slots=True)
-class VerticalState:
+class VerticalState(Struct, frozen=True, gc=False):
     """Height of P above the ellipsoid and climb (up), each with one sigma [m], [m/s]; None where unknown."""
 
     t_ns: int

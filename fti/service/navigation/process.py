@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Sequence
 from pathlib import Path
+
+from msgspec import UNSET, structs
 
 from fti.buffers.ring import EntryKind, Ring
 from fti.buffers.ring_reader import RingFrame, RingReader
@@ -29,7 +30,6 @@ from fti.messages.health import NavigationHealth
 from fti.messages.measurements import Ack
 from fti.messages.notes import AlarmReportRecord, GapRecord
 from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
-from fti.messages.tables import ABSENT
 from fti.messages.topics import OUTPUT_MAX_AGE_MS, output_topic
 from fti.service.control_channel import ControlChannel
 from fti.service.navigation.backlog import BacklogPolicy, SkipReporter
@@ -212,7 +212,7 @@ class NavigationProcess:
             max_age = OUTPUT_MAX_AGE_MS
             if isinstance(output, HeightAboveGround | HeightBelowAircraft):
                 max_age = self._max_age_ms.get(output.sensor, OUTPUT_MAX_AGE_MS)
-            payload = encode_with_age(dataclasses.asdict(output), output.t_ns, self._clock.now_ns(), max_age)
+            payload = encode_with_age(structs.asdict(output), output.t_ns, self._clock.now_ns(), max_age)
             self._bus.publish(output_topic(output), payload)
 
     def _note_gap(self, seq: int, t_ns: int) -> None:
@@ -222,7 +222,7 @@ class NavigationProcess:
             kind="restart" if self._resumed else "ring",
             after_seq=self._last_seq,
             before_seq=seq,
-            refusals=self._restored if self._resumed else ABSENT,
+            refusals=self._restored if self._resumed else UNSET,
         )
         self._chain.reset_after_gap()
         if self._resumed:

@@ -7,8 +7,9 @@ The supervisor holds them, so that they survive restarts of navigation and displ
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Condition, ConditionReport, Severity

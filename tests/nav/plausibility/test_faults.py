@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from fti.messages.measurements import Measurement, Position, Stamp, TimeScale, Velocity
 from tests.nav.healthy_receivers import Receiver, measure

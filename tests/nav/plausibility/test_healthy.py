@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from fti.messages.measurements import Measurement, Position, Stamp, TimeScale, Velocity
 from tests.nav.healthy_receivers import RECEIVERS, Receiver, Truth, fly, measure

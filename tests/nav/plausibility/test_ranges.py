@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from fti.drivers import novatel_oem6 as novatel
 from fti.messages.measurements import (
@@ -106,8 +107,10 @@ def test_a_wrong_range_of_a_real_receiver_is_identified(number: int) -> None:
 
 def changed(m: Pseudoranges, number: int, metres: float) -> Pseudoranges:
     """One GPS range is longer."""
-    return replace(m, observations=tuple(
-        replace(o, pseudorange=(o.pseudorange or 0.0) + metres) if (o.system, o.number) == ("gps", number) else o
+    return structs.replace(m, observations=tuple(
+        structs.replace(o, pseudorange=(o.pseudorange or 0.0) + metres)
+        if (o.system, o.number) == ("gps", number)
+        else o
         for o in m.observations
     ))  # fmt: skip
 
@@ -180,11 +183,11 @@ def test_one_wrong_range_of_many_is_found_and_named() -> None:
 def test_five_ranges_detect_and_do_not_identify() -> None:
     sky = Sky(lat=0.8, lon=0.2, alt=500.0, t=TOE)
     m = observe(sky, np.random.default_rng(4))
-    five = replace(m, observations=tuple(sorted(m.observations, key=lambda o: o.pseudorange or 0.0)[:5]))
+    five = structs.replace(m, observations=tuple(sorted(m.observations, key=lambda o: o.pseudorange or 0.0)[:5]))
     range_solution = solved(changed(five, five.observations[0].number, 5000.0), ephemerides())
     assert range_solution is not None
     assert (range_solution.used, range_solution.explanations) == (5, ())
-    assert solved(replace(m, observations=five.observations[:4]), ephemerides()) is None
+    assert solved(structs.replace(m, observations=five.observations[:4]), ephemerides()) is None
 
 
 def test_two_wrong_ranges_have_no_explanation() -> None:
@@ -249,7 +252,7 @@ def moved(metres: float, from_s: float, to_s: float = math.inf) -> Change:
         if isinstance(m, Position) and from_s <= t < to_s:
             assert m.lat is not None
             assert m.lon is not None
-            return replace(m, lon=m.lon + metres / (R * math.cos(m.lat)))
+            return structs.replace(m, lon=m.lon + metres / (R * math.cos(m.lat)))
         return m
 
     return change
@@ -282,7 +285,7 @@ def test_a_real_receiver_is_refused_when_it_states_another_place(metres: float) 
         if isinstance(m, (Pseudoranges, Ephemeris)):
             tests.feed_ranges(m, t_ns)
         elif isinstance(m, Position) and m.valid:
-            fix = moved(metres, 0.0)(0.0, replace(m, stamp=replace(m.stamp, t_rx_ns=t_ns)))
+            fix = moved(metres, 0.0)(0.0, structs.replace(m, stamp=structs.replace(m.stamp, t_rx_ns=t_ns)))
             assert isinstance(fix, Position)
             texts += [event.text for event in tests.feed_position(fix, t_ns)[1]]
     results = [text for text in texts if "ranges_contradict: 7 pseudoranges give a position 1" in text]
@@ -326,7 +329,7 @@ def test_a_receiver_that_follows_a_wrong_range_is_refused() -> None:
 
     def change(t: float, m: Measurement) -> Measurement | None:
         if isinstance(m, Velocity) and 20.0 < t <= 50.0:
-            return replace(m, east=5.0)
+            return structs.replace(m, east=5.0)
         if isinstance(m, Position) and t > 20.0:
             return moved(min(t - 20.0, 30.0) * 5.0, 0.0)(t, m)
         return bad(t, m)
@@ -362,18 +365,18 @@ def unusable(m: Measurement) -> Measurement:
     """Weak signals."""
     if not isinstance(m, Pseudoranges):
         return m
-    return replace(m, observations=tuple(replace(o, cn0_dbhz=25.0) for o in m.observations))
+    return structs.replace(m, observations=tuple(structs.replace(o, cn0_dbhz=25.0) for o in m.observations))
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda m: replace(m, healthy=False) if isinstance(m, Ephemeris) else m,
-        lambda m: replace(m, accuracy=None) if isinstance(m, Ephemeris) else m,
-        lambda m: replace(m, toe=TOE - 7300.0) if isinstance(m, Ephemeris) else m,
-        lambda m: replace(m, sqrt_a=0.0) if isinstance(m, Ephemeris) else m,
-        lambda m: replace(m, system="galileo") if isinstance(m, Ephemeris) else m,
-        lambda m: replace(m, stamp=Stamp(m.stamp.t_rx_ns)) if isinstance(m, Pseudoranges) else m,
+        lambda m: structs.replace(m, healthy=False) if isinstance(m, Ephemeris) else m,
+        lambda m: structs.replace(m, accuracy=None) if isinstance(m, Ephemeris) else m,
+        lambda m: structs.replace(m, toe=TOE - 7300.0) if isinstance(m, Ephemeris) else m,
+        lambda m: structs.replace(m, sqrt_a=0.0) if isinstance(m, Ephemeris) else m,
+        lambda m: structs.replace(m, system="galileo") if isinstance(m, Ephemeris) else m,
+        lambda m: structs.replace(m, stamp=Stamp(m.stamp.t_rx_ns)) if isinstance(m, Pseudoranges) else m,
         unusable,
     ],
     ids=["ill", "no accuracy", "old", "no orbit", "other system", "no time", "weak"],
@@ -386,7 +389,7 @@ def test_unusable_ranges_give_no_result(change: Callable[[Measurement], Measurem
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1e9, 0.0, 1e300])
 def test_nonsense_in_the_ranges_breaks_nothing(value: float) -> None:
     def change(t: float, m: Pseudoranges) -> Pseudoranges:
-        return replace(m, observations=tuple(replace(o, pseudorange=value) for o in m.observations))
+        return structs.replace(m, observations=tuple(structs.replace(o, pseudorange=value) for o in m.observations))
 
     run(flight(8, of_ranges(change)))
 
@@ -414,7 +417,7 @@ def test_a_signal_of_another_band_is_not_a_range_of_l1() -> None:
     """Second frequencies come beside the first, from the same satellite."""
 
     def change(t: float, m: Pseudoranges) -> Pseudoranges:
-        other: list[Pseudorange] = [replace(o, signal="L2W", pseudorange=1.0) for o in m.observations]
-        return replace(m, observations=(*m.observations, *other))
+        other: list[Pseudorange] = [structs.replace(o, signal="L2W", pseudorange=1.0) for o in m.observations]
+        return structs.replace(m, observations=(*m.observations, *other))
 
     assert run(flight(20, of_ranges(change))) == []

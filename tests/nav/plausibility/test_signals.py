@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from fti.messages.measurements import Position, ReceiverClock, Satellite, Satellites, Stamp, Velocity
 from fti.messages.outputs import Event

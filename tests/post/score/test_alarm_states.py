@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import Any
 
 import pytest
+from msgspec.structs import asdict
 
 from fti.messages.outputs import IntegrityState, NavSolution
 from fti.messages.reasons import Reason
