@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from typing import NamedTuple
+
+from msgspec import Struct
 
 from fti.geodesy.formulas import wrap_half_turn
 
@@ -16,7 +17,7 @@ SECOND_NS = 1_000_000_000
 Entry = tuple[float | None, float | None]
 
 
-class Value(NamedTuple):
+class Value(Struct, frozen=True, gc=False):
     """A value at the requested time, the sigma of its nearest entry, and the distance in time of that entry.
 
     between_ns : time between the two entries of the interpolation; None if it was extrapolated

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import binascii
 import struct
-from typing import NamedTuple
+
+from msgspec import Struct
 
 from fti.drivers._framing import Skip, skip_to
 from fti.drivers.imar_ixcom.status import Footer, decode_footer
@@ -17,7 +18,7 @@ FOOTER_SIZE = 4
 FRAME_MIN, FRAME_MAX = HEADER.size + FOOTER_SIZE, 4096
 
 
-class IxcomFrame(NamedTuple):
+class IxcomFrame(Struct, frozen=True, gc=False):
     """A whole, checked frame."""
 
     number: int

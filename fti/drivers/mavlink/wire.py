@@ -7,10 +7,11 @@ import hashlib
 import importlib
 import re
 import struct
-from collections import namedtuple
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
+
+from msgspec import Struct, defstruct
 
 from fti.drivers._bits import REVERSED
 from fti.drivers._framing import Skip
@@ -30,7 +31,7 @@ BASE_LENGTH = {
 }  # fmt: skip
 
 
-class MavlinkHeader(NamedTuple):
+class MavlinkHeader(Struct, frozen=True, gc=False):
     """Header of a frame: sequence, system, component and message number."""
 
     sequence: int
@@ -71,14 +72,14 @@ def layout(dialect: str, number: int) -> MessageLayout | None:
 def _reader(message: Any) -> Callable[[bytes], Any]:
     """Function payload -> fields; a short payload is padded with zeros, the excess of a longer one is ignored."""
     names = message.ordered_fieldnames
-    kind: Any = namedtuple("Fields", names)  # type: ignore[misc]  # the fields are known at run time only
+    kind = defstruct("Fields", names, gc=False)
     unpack, size = struct.Struct(message.unpacker.format).unpack_from, message.unpacker.size
     text = {at for at, code in enumerate(re.findall(r"\d*[a-zA-Z]", message.unpacker.format)) if code.endswith("s")}
     widths = [1 if at in text else max(1, message.array_lengths[at]) for at in range(len(names))]
 
     def read(payload: bytes) -> Any:
         values = unpack(payload.ljust(size, b"\x00"))
-        return kind._make(values if len(values) == len(names) else _grouped(values, widths))
+        return kind(*(values if len(values) == len(names) else _grouped(values, widths)))
 
     return read
 

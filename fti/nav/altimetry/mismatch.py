@@ -24,8 +24,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
 from itertools import pairwise
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from fti.nav.altimetry.observation import AltimeterObservation
 from fti.nav.time_series import SECOND_NS
@@ -52,8 +54,7 @@ CLIMB_SD = 0.15
 MAX_UNKNOWN_NS, MAX_OFFSET_NS = 60 * SECOND_NS, 600 * SECOND_NS
 
 
-@dataclass(slots=True)
-class _Block:
+class _Block(Struct):
     """Means over a block of samples: time [ns], residuals by altitude and by climb [m], prediction [m], sigmas [m].
 
     sd, absolute_sd : sigma of a change of the residuals, and of the residual by altitude itself

@@ -13,7 +13,8 @@ Limits by measurement: docs/decisions/0033-altimeters-by-their-change.md.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from fti.nav.altimetry.observation import AltimeterObservation, max_step
 from fti.nav.time_series import SECOND_NS
@@ -30,8 +31,7 @@ SMOOTHING_NS = SECOND_NS // 10
 STUCK_END_NS = 2 * SECOND_NS
 
 
-@dataclass(slots=True)
-class _Span:
+class _Span(Struct):
     """Minimum and maximum of a smoothed value: a spike of the prediction over a tree does not count as a change."""
 
     minimum: float = math.inf
@@ -62,8 +62,7 @@ class _Span:
         return self.maximum - self.minimum if self.maximum >= self.minimum else 0.0
 
 
-@dataclass(slots=True)
-class _Change:
+class _Change(Struct):
     """Change of the prediction, or of the altitude, while a value repeats.  sd : largest sigma of its samples [m]
 
     When the sigma has been less than half of the largest one for ``SETTLE_NS``, the change is reset: the earlier
@@ -89,8 +88,7 @@ class _Change:
         return min(span.size for span in self.spans) > limit
 
 
-@dataclass(slots=True)
-class _Run:
+class _Run(Struct):
     """Equal values in succession.
 
     predicted : change of the prediction, over known ground; altitude : change of the altitude, over unknown ground

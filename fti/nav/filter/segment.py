@@ -6,10 +6,10 @@ times of its measurements, once for all copies.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from fti.nav.filter import kernels
@@ -23,8 +23,7 @@ SEGMENT_NS = 200_000_000
 SECOND_NS = 1_000_000_000
 
 
-@dataclass(slots=True)
-class AidingEntry:
+class AidingEntry(Struct):
     """A measurement in order of time.
 
     is_reported : whether its decision was reported

@@ -16,10 +16,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from fti.config import SourceLimits
 from fti.geodesy.formulas import wrap_half_turn
@@ -75,7 +75,7 @@ class _AxisState(Struct, frozen=True, gc=False):
     segment: int
 
 
-class _EarlierFix(NamedTuple):
+class _EarlierFix(Struct, frozen=True, gc=False):
     """An earlier fix: time since [s]; its speed along the axis [m/s]; path since [m]; its sigma [m]."""
 
     seconds: float

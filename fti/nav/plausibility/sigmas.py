@@ -12,8 +12,8 @@ the velocity is that of another point.  Slow errors of receivers last 100 to 300
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+
+from msgspec import Struct
 
 SLOW_TAU_S = 100.0
 VELOCITY_TAU_S = 5.0
@@ -31,8 +31,7 @@ MAX_SIGMA = 6.4e6
 CLOCK_SD_S, ARRIVAL_SD_S = 0.005, 0.025
 
 
-@dataclass(slots=True)
-class FixSigma:
+class FixSigma(Struct):
     """Errors of one fix on one axis.
 
     position : one sigma [m]; velocity : one sigma [m/s]; time : one sigma [s]; step : resolution [m];
@@ -47,7 +46,7 @@ class FixSigma:
     arm: float
 
 
-class FixInterval(NamedTuple):
+class FixInterval(Struct, frozen=True, gc=False):
     """Motion between two fixes along the axis.
 
     seconds; speed : the larger one [m/s]; turn : change of the velocity [m/s]; path : by the velocity [m]
@@ -61,9 +60,9 @@ class FixInterval(NamedTuple):
 
 def difference_variance(sigma: FixSigma, white: float, span: FixInterval) -> float:
     """Variance [m^2] over a span.  white : white variance of a fix [m^2]"""
-    w, speed, turn, path = span
+    w = span.seconds
     slow = max(sigma.position**2 - white, 0.0)
     variance = 2.0 * white + 2.0 * slow * -math.expm1(-w / SLOW_TAU_S)
     variance += (sigma.step**2) / 6.0 + sigma.velocity**2 * min(w * w, 2.0 * VELOCITY_TAU_S * w)
-    variance += (sigma.velocity_step * w) ** 2 / 12.0 + 2.0 * (speed * sigma.time) ** 2
-    return variance + (turn * LAG_SD_S) ** 2 + (SCALE * path) ** 2 + (sigma.arm / 3.0) ** 2
+    variance += (sigma.velocity_step * w) ** 2 / 12.0 + 2.0 * (span.speed * sigma.time) ** 2
+    return variance + (span.turn * LAG_SD_S) ** 2 + (SCALE * span.path) ** 2 + (sigma.arm / 3.0) ** 2

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+
+from msgspec import Struct
 
 from fti.nav.plausibility.resolution import ResolutionEstimator
 from fti.nav.time_series import SECOND_NS
@@ -16,7 +17,7 @@ MIN_STEP_NS = 35_000_000
 HISTORY_SIZE = 128
 
 
-class Integral(NamedTuple):
+class Integral(Struct, frozen=True, gc=False):
     """Integral at one time.
 
     path : [m] since the segment began;  speed : [m/s];  segment : paths of different segments cannot be compared

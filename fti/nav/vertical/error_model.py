@@ -18,10 +18,10 @@ tests/nav/test_vertical_error_model.py.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from fti.geodesy.formulas import FREE_AIR
@@ -48,8 +48,7 @@ def system_matrix(instability: float, accel: float, gravity: float, altimeter: f
     return F
 
 
-@dataclass(frozen=True, slots=True)
-class VerticalModel:
+class VerticalModel(Struct, frozen=True):
     """Parameters of the errors: steady-state sigma [m/s^2, m/s^2, m] and correlation times [s].
 
     accel_noise : white noise of the vertical acceleration, vibration and the tilt of turns included [m/s^2/sqrt(Hz)]

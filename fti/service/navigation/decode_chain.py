@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
 from fti.alarms.condition import ConditionReport
 from fti.config import Config
 from fti.devices import BoundDevice
@@ -30,13 +32,12 @@ from fti.service.fault_guard import Guard
 GAP, FAILURE = "gap", "failure"
 
 
-@dataclass(slots=True)
-class ChainOutput:
+class ChainOutput(msgspec.Struct):
     """The results of some frames, in order."""
 
-    measurements: list[tuple[str, Measurement]] = field(default_factory=list)
-    outputs: list[Output | Event] = field(default_factory=list)
-    notes: list[NavigationNote] = field(default_factory=list)
+    measurements: list[tuple[str, Measurement]] = msgspec.field(default_factory=list)
+    outputs: list[Output | Event] = msgspec.field(default_factory=list)
+    notes: list[NavigationNote] = msgspec.field(default_factory=list)
 
 
 @dataclass(slots=True)
