@@ -12,6 +12,7 @@ Source: Spiegel 2018, sections 2.2.5 (bundle of rays) and 2.3.2.3, fig. 2.53 (le
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -81,3 +82,11 @@ def directions(angles: Array) -> Array:
     off = np.linalg.norm(angles, axis=-1)
     scale = np.sinc(off / np.pi)[:, None]
     return np.concatenate((angles * scale, np.cos(off)[:, None]), axis=-1)
+
+
+def direction(x: float, y: float) -> Array:
+    """``directions`` of one ray (3,), with the rounding of ``np.sinc``."""
+    off = math.sqrt(x * x + y * y)
+    angle = math.pi * (off / math.pi)
+    scale = math.sin(angle) / angle if angle > 0.0 else 1.0
+    return np.array((x * scale, y * scale, math.cos(off)))

@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Mapping
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 from msgspec import Struct
 
@@ -200,16 +200,16 @@ class AgreementCheck:
 
     def __init__(self, limits: Mapping[str, Altimeter]) -> None:
         self._limits = limits
-        names = list(limits)
-        self._pairs = [_Pair(a, b) for k, a in enumerate(names) for b in names[k + 1 :]]
-        self._samples: dict[str, deque[ComparableHeight]] = {name: deque(maxlen=MAX_SAMPLES) for name in names}
+        pairs = [_Pair(*names) for names in combinations(limits, 2)]
+        self._pairs = {name: [pair for pair in pairs if name in pair.names] for name in limits}
+        self._samples: dict[str, deque[ComparableHeight]] = {name: deque(maxlen=MAX_SAMPLES) for name in limits}
 
     def update(self, height: HeightAboveGround, refusals: Collection[Reason] = ()) -> tuple[Reason, ...]:
         """Add a height; returns the reasons by which the other altimeters refuse this one.
 
         refusals : of this altimeter, in force by its tests over time; a single deviating sample is not decisive
         """
-        pairs = [pair for pair in self._pairs if height.sensor in pair.names]
+        pairs = self._pairs[height.sensor]
         if not pairs:
             return ()
         self._add(height, pairs, refusals)
@@ -244,11 +244,11 @@ class AgreementCheck:
 
 
 def _at(samples: deque[ComparableHeight], t_ns: int) -> ComparableHeight | None:
-    """The interpolated sample; None before the first, after the last and in a gap."""
+    """The interpolated sample at a time, not after the newest; None before the first and in a gap."""
     if samples[-1].t_ns == t_ns:
         return samples[-1]
-    for before, after in pairwise(samples):
-        if before.t_ns <= t_ns < after.t_ns:
+    for after, before in pairwise(reversed(samples)):
+        if before.t_ns <= t_ns:
             gap_ns = after.t_ns - before.t_ns
             return _between(before, after, (t_ns - before.t_ns) / gap_ns) if gap_ns <= MAX_GAP_NS else None
     return None

@@ -296,8 +296,7 @@ class AltimeterChannel:
         if reading is None or reading.value is None or reading.value < 0.0 or attitude is None:
             return None
         roll_sd, pitch_sd = (stated_sd(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
-        tilt = tilt_of(self._mounting, attitude.roll, attitude.pitch)
-        beyond = nonlinear_tilt_sd(reading.value, tilt, self._mounting.half_beam, max(roll_sd, pitch_sd))
+        beyond = nonlinear_tilt_sd(reading.value, attitude.roll, attitude.pitch, self._mounting, max(roll_sd, pitch_sd))
         range_sd = math.hypot(stated_sd(reading.sd, RANGE_SD_UNKNOWN), beyond)
         return height_at_p(
             reading.value,

@@ -16,7 +16,6 @@ The reference point is P for any lever arm of the sensor.  Navigation refers to 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,8 +35,7 @@ Array = NDArray[np.float64]
 MAX_TILT = math.radians(60.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Mounting:
+class Mounting(Struct, frozen=True, gc=False):
     """The mounting of a range sensor in the aircraft.
 
     boresight_b : third column of mat_bs, the direction of the beam axis in the body frame, unit
@@ -108,37 +106,40 @@ def height_at_p(
     """
     if slant_range < 0.0:
         raise ValueError(f"slant_range = {slant_range} m: must be >= 0")
-    excess = max(0.0, tilt_of(mounting, roll, pitch) - mounting.half_beam)
+    tilt = tilt_of(mounting, roll, pitch)
+    excess = max(0.0, tilt - mounting.half_beam)
     height = slant_range * math.cos(excess) + lever_arm_drop(mounting.lever_arm_b, roll, pitch)
     if range_sd is None:
         return CompensatedHeight(height, None)
-    by_roll, by_pitch = _attitude_gradient(slant_range, roll, pitch, mounting)
+    by_roll, by_pitch = _attitude_gradient(slant_range, roll, pitch, tilt, mounting)
     sd_r = ATTITUDE_SD_UNKNOWN if roll_sd is None else roll_sd
     sd_p = ATTITUDE_SD_UNKNOWN if pitch_sd is None else pitch_sd
     return CompensatedHeight(height, math.hypot(math.cos(excess) * range_sd, by_roll * sd_r, by_pitch * sd_p))
 
 
-def nonlinear_tilt_sd(slant_range: float, tilt: float, half_beam: float, tilt_sd: float) -> float:
+def nonlinear_tilt_sd(slant_range: float, roll: float, pitch: float, mounting: Mounting, tilt_sd: float) -> float:
     """One sigma [m] of a range over level ground by the tilt, less its linear part (root-sum-square).
 
     The total is a third of the change by three sigmas of the tilt: for a level laser the linear part is zero, and 9 deg
     for 3 sigma are 1.2 % of the range.  Up to 0.5 deg, typical of valid attitudes, it is neglected: 0.01 %.
 
-    slant_range : at this tilt [m]
+    slant_range : at this attitude [m]
     """
     if tilt_sd <= ATTITUDE_SD_UNKNOWN:
         return 0.0
+    tilt, half_beam = tilt_of(mounting, roll, pitch), mounting.half_beam
     excess, farther = (min(max(0.0, angle - half_beam), MAX_TILT) for angle in (tilt, tilt + 3.0 * tilt_sd))
     whole = slant_range * (math.cos(excess) / math.cos(farther) - 1.0) / 3.0
     linear = slant_range * math.tan(excess) * tilt_sd
     return math.sqrt(whole**2 - linear**2) if whole > linear else 0.0
 
 
-def _attitude_gradient(slant_range: float, roll: float, pitch: float, mounting: Mounting) -> tuple[float, float]:
+def _attitude_gradient(
+    slant_range: float, roll: float, pitch: float, tilt: float, mounting: Mounting
+) -> tuple[float, float]:
     """dh/droll and dh/dpitch [m/rad]."""
     cp, sp, sr, cr = math.cos(pitch), math.sin(pitch), math.sin(roll), math.cos(roll)
     rows = ((0.0, cr * cp, -sr * cp), (-cp, -sr * sp, -cr * sp))  # derivatives of down_row by roll and by pitch
-    tilt = tilt_of(mounting, roll, pitch)
     excess = tilt - mounting.half_beam
     beam = slant_range * math.sin(excess) / math.sin(tilt) if excess > 0.0 and tilt > 0.0 else 0.0
     by_roll, by_pitch = (beam * dot(row, mounting.boresight_b) + dot(row, mounting.lever_arm_b) for row in rows)

@@ -21,7 +21,7 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.messages.outputs import Compensation
 from fti.messages.reasons import Reason
 from fti.nav.altimetry import scalar_kernels
-from fti.nav.altimetry.compensation import mounting_of, nonlinear_tilt_sd, tilt_of
+from fti.nav.altimetry.compensation import mounting_of, nonlinear_tilt_sd
 from fti.nav.altimetry.expected_sample import ExpectedSample, ExpectedSampleOrReason, NoGround
 from fti.nav.altimetry.nadir_height import ground_sd
 from fti.nav.altimetry.range_prediction import AT_EDGE
@@ -35,7 +35,7 @@ from fti.nav.altimetry.variance import ErrorModel
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN, AttitudeState, PositionState
 from fti.nav.terrain_reference import Ground
-from fti.ranging.nearest import directions, ring_angles
+from fti.ranging.nearest import direction, directions, ring_angles
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.edge import edge_at
@@ -127,7 +127,7 @@ class NearestReturnModel(RadarRangeModel):
         slant_range, x, y, spread, outcome = scalar_kernels.nearest_return(
             self._pyramid, origin_l, mat_ls, self._angles, self._rays, self._half, self._max_range
         )
-        return slant_range, directions(np.array([[x, y]]))[0], spread, Validity(outcome)
+        return slant_range, direction(x, y), spread, Validity(outcome)
 
     def is_at_edge(self, ray_s: Array) -> bool:
         """Whether the ray lies on the cone of half the beam width."""
@@ -238,8 +238,7 @@ class AltimeterPredictor:
 
     def _turn_sd(self, slant_range: float, attitude: AttitudeState) -> float:
         """One sigma of the predicted range by the nonlinear effect of the tilt error [m]."""
-        tilt = tilt_of(self._mounting, attitude.roll, attitude.pitch)
-        return nonlinear_tilt_sd(slant_range, tilt, self._mounting.half_beam, _tilt_sd(attitude))
+        return nonlinear_tilt_sd(slant_range, attitude.roll, attitude.pitch, self._mounting, _tilt_sd(attitude))
 
     def _sds(self, position: PositionState, attitude: AttitudeState, instrument: float, ground_sd: float) -> Array:
         """In the order of ``scalar_kernels.height_and_variances``."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import combinations
 
 from msgspec import Struct
@@ -150,7 +150,10 @@ class GroundCheck:
             if deviation is not None and all(samples):
                 pair.compare(*(_nearest(each, deviation.t_ns) for each in samples))
             pair.expire(height.t_valid_ns or height.t_ns)
-        before, self.contradicted = self.contradicted, _names(pair for pair in self._pairs if pair.is_contradicted)
+        contradicted = frozenset(name for pair in self._pairs if pair.is_contradicted for name in pair.names)
+        if contradicted == self.contradicted:
+            return []
+        before, self.contradicted = self.contradicted, contradicted
         return [
             *(self._begin(height.t_ns, name) for name in sorted(self.contradicted - before)),
             *(_end(height.t_ns, name) for name in sorted(before - self.contradicted)),
@@ -164,7 +167,3 @@ class GroundCheck:
 
 def _end(t_ns: int, name: str) -> Event:
     return Event(t_ns=t_ns, level="info", source=name, text="altitude and terrain are consistent again")
-
-
-def _names(pairs: Iterable[_Pair]) -> frozenset[str]:
-    return frozenset(name for pair in pairs for name in pair.names)

@@ -42,6 +42,8 @@ class RefusalEvents:
                    no event
         """
         events, t_ns = list[Event](), height.t_valid_ns or height.t_ns
+        if not (since_ns or height.reasons or self._since):  # nearly always
+            return events
         for reason in BEGINS:
             key = height.sensor, reason
             is_refused = reason in (since_ns if reason is Reason.DEVIATION else height.reasons)

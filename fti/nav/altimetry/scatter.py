@@ -18,9 +18,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Sequence
+from statistics import median
 
 from fti.nav.altimetry.observation import AltimeterObservation
 from fti.nav.time_series import SECOND_NS
@@ -67,12 +66,11 @@ class ResidualScatter:
             self.excess_sd = 0.0
 
     def _excess(self) -> float:
-        _, by_alt, by_climb, sds = np.array(self._residuals).T
-        scatter, sd = min(_robust_sd(by_alt), _robust_sd(by_climb)), float(np.median(sds))
+        _, by_alt, by_climb, sds = zip(*self._residuals, strict=True)
+        scatter, sd = min(_robust_sd(by_alt), _robust_sd(by_climb)), median(sds)
         return math.sqrt(scatter**2 - sd**2) if scatter > EXPLAINED_SIGMAS * sd else 0.0
 
 
-def _robust_sd(values: NDArray[np.float64]) -> float:
-    deviations = np.abs(values - np.median(values))
-    at = int(QUANTILE * (len(values) - 1))
-    return float(np.partition(deviations, at)[at]) / QUANTILE_SIGMAS
+def _robust_sd(values: Sequence[float]) -> float:
+    middle = median(values)
+    return sorted([abs(value - middle) for value in values])[int(QUANTILE * (len(values) - 1))] / QUANTILE_SIGMAS
