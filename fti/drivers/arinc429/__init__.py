@@ -84,6 +84,10 @@ def enabled_labels(options: Options) -> LabelSet:
     return label_set.model_copy(update={"labels": options.labels + others})
 
 
+#: Bits of label and source identifier of a word.
+KEY = 0x3FF
+
+
 class Decoder:
     """Words to measurements.  Raises ValueError if no label is enabled or the set does not exist."""
 
@@ -91,17 +95,13 @@ class Decoder:
         self.counters = Counters()
         self._options = options
         self._must_reverse_label = not options.label_reversed
-        self._handlers: dict[int, list[Handler]] = {}
-        for entry in make_codecs(enabled_labels(options)):
-            for handler in entry.handlers():
-                self._handlers.setdefault(wire.label_byte(handler.label), []).append(handler)
-        for handlers in self._handlers.values():
-            handlers.sort(key=lambda handler: handler.sdi is None)  # a specific source has priority over any source
+        handlers = [handler for codec in make_codecs(enabled_labels(options)) for handler in codec.handlers()]
+        handlers.sort(key=lambda handler: handler.sdi is not None)  # a specific source replaces any source
+        self._handlers = {key: handler for handler in handlers for key in _keys_of(handler)}
         self._packets: Packets | None = None
         if options.packets == "none":
-            enabled = sum(1.0 if h.sdi is None else 0.25 for handlers in self._handlers.values() for h in handlers)
-            required = required_words(enabled, options.parity)
-            stream = WordStream(self._word, lambda word: self._handler(word) is not None, options.parity, required)
+            required = required_words(sum(1.0 if h.sdi is None else 0.25 for h in handlers), options.parity)
+            stream = WordStream(self._word, lambda word: word & KEY in self._handlers, options.parity, required)
             self._framer = Framer(stream.measure, self.counters, limit=SEARCH_BYTES)
         else:
             self._packets = PACKETS[options.packets]()
@@ -121,7 +121,7 @@ class Decoder:
         return wire.reverse_label(word) if self._must_reverse_label else word
 
     def _decode_word(self, word: int, stamp: Stamp) -> list[Measurement]:
-        handler = self._handler(word)
+        handler = self._handlers.get(word & KEY)
         if handler is None:
             self.counters.messages["other"] += 1
             return []
@@ -147,11 +147,10 @@ class Decoder:
                 measurements += self._decode_word(word, Stamp(t_rx_ns, received.t_dev_ns, TimeScale.BOOT))
         return measurements
 
-    def _handler(self, word: int) -> Handler | None:
-        for handler in self._handlers.get(word & 0xFF, ()):
-            if handler.sdi is None or handler.sdi == wire.sdi(word):
-                return handler
-        return None
+
+def _keys_of(handler: Handler) -> list[int]:
+    """Label and source identifier of the words that it decodes."""
+    return [wire.label_byte(handler.label) | sdi << 8 for sdi in (range(4) if handler.sdi is None else (handler.sdi,))]
 
 
 class Encoder:

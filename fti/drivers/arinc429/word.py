@@ -87,11 +87,6 @@ def ssm(word: int) -> int:
     return word >> _SSM_SHIFT & 3
 
 
-def sdi(word: int) -> int:
-    """Source/destination identifier, 0..3."""
-    return word >> _SDI_SHIFT & 3
-
-
 def decode_steps(word: int, bits: int) -> int:
     """The two's complement number of a BNR word with ``bits`` data bits."""
     raw = word >> (BNR_TOP - bits) & ((2 << bits) - 1)
