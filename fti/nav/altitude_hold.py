@@ -10,7 +10,7 @@ ground.  An event reports the altimeters; NOT_INDEPENDENT in ``unchecked`` marks
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from fti.nav.time_series import SECOND_NS
 
@@ -24,12 +24,12 @@ class HoldMonitor:
     def __init__(self) -> None:
         self.altimeters: tuple[str, ...] = ()
 
-    def update(self, t_ns: int, other_ns: int | None, altimeters: Sequence[str]) -> None:
+    def update(self, t_ns: int, other_ns: int | None, altimeters_ns: Mapping[str, int]) -> None:
         """Update at a time; an altimeter that stops still counts, because its last heights determine the altitude.
 
-        other_ns : last time when another source bounded the altitude;  altimeters : those that bound it within HOLD_NS
+        other_ns : last time when another source bounded the altitude;  altimeters_ns : those of altimeters, by name
         """
         if other_ns is not None and t_ns - other_ns <= OTHER_NS:
             self.altimeters = ()
-        elif altimeters:
-            self.altimeters = tuple(altimeters)
+        elif holding := sorted(name for name, last_ns in altimeters_ns.items() if t_ns - last_ns <= HOLD_NS):
+            self.altimeters = tuple(holding)

@@ -75,6 +75,7 @@ class ConfirmationMonitor:
     """The independent sources of a configuration.  assumed : sigmas of positions that state none, by device [m]
 
     has_dme_fix : whether positions from DME only can confirm a receiver, too
+    is_useful : whether any source can confirm a receiver
     """
 
     def __init__(self, config: Config, assumed: Mapping[str, tuple[float, float]]) -> None:
@@ -89,12 +90,8 @@ class ConfirmationMonitor:
         self._independent = tuple(name for name in devices if name in declared)
         self._sources = {name: NavSource(device) for name, device in devices.items()}
         self.has_dme_fix = config.nav.radio is not None and config.nav.radio.receiver is None
+        self.is_useful = bool(self._independent) or self.has_dme_fix
         self._agreements: dict[tuple[str, str], _Agreement] = {}
-
-    @property
-    def is_useful(self) -> bool:
-        """Whether any source can confirm a receiver."""
-        return bool(self._independent) or self.has_dme_fix
 
     def feed(self, device: str, m: Measurement, admitted: Iterable[Measurement], t_ns: int) -> None:
         """Take a measurement: of an independent source the parts that its own tests admit, of others all parts."""

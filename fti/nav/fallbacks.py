@@ -63,18 +63,14 @@ class Fallbacks:
         """Whether the filter excludes an altimeter from aiding."""
         return self._aided is not None and self._aided.is_excluded(altimeter)
 
-    def set_suspects(self, devices: frozenset[str]) -> None:
-        """Set the receivers that tests of one source suspect."""
-        if self._aided:
-            self._aided.set_suspects(devices)
-
-    def tick(self, t_ns: int, nav: NavState) -> list[Output | Event]:
-        """Outputs that are due at a tick.  nav : the state at that time"""
+    def tick(self, t_ns: int, nav: NavState, find_suspects: Callable[[], frozenset[str]]) -> list[Output | Event]:
+        """Outputs that are due at a tick.  nav : the state then;  find_suspects : receivers that their tests suspect"""
         self._ticks += 1
         if self._aided:
             self._aided.set_nav_state(nav)
         out: list[Output | Event] = []
         if self._aided and self._ticks % FILTER_TICKS == 0:
+            self._aided.set_suspects(find_suspects())
             out += [*self._aided.events(t_ns), self._aided.solution(t_ns), *self._aided.provisional_solutions(t_ns)]
         if self._aided and self._ticks % VERTICAL_TICKS == 0:
             out.append(self._aided.vertical_solution(t_ns))

@@ -105,6 +105,7 @@ class AidedNavigation:
         self._dead_reckoning = DeadReckoningAids(settings)
         self._vertical = VerticalChannel()
         self._filter_hold, self._vertical_hold = HoldMonitor(), HoldMonitor()
+        self._sensor_of = {altitude_name(sensor): sensor for sensor in settings.altimeters}
         self._ground: Ground | None = None
         self._motion: HorizontalMotion | None = None
         self._tilt: tuple[float, float] | None = None
@@ -138,14 +139,12 @@ class AidedNavigation:
     def _update_holds(self, t_ns: int) -> None:
         """Update which altimeters alone bound the altitudes of the filter and of the vertical channel."""
         accepted = self._navigator.accepted_ns("vertical")
-        own = {altitude_name(sensor): sensor for sensor in self._settings.altimeters}
-        others = [last_ns for name, last_ns in accepted.items() if name not in own]
-        holding = [own[name] for name, last_ns in accepted.items() if name in own and t_ns - last_ns <= HOLD_NS]
-        self._filter_hold.update(t_ns, max(others, default=None), sorted(holding))
+        own_ns = {sensor: accepted.pop(name) for name, sensor in self._sensor_of.items() if name in accepted}
+        self._filter_hold.update(t_ns, max(accepted.values(), default=None), own_ns)
         last_accepted_ns = self._vertical.last_accepted_ns(HeightAiding.ALTIMETER)
         is_aided = last_accepted_ns is not None and t_ns - last_accepted_ns <= HOLD_NS
-        holding = [sensor for sensor, last_ns in self._used_ns.items() if is_aided and t_ns - last_ns <= HOLD_NS]
-        self._vertical_hold.update(t_ns, self._vertical.last_accepted_ns(HeightAiding.SATELLITES), sorted(holding))
+        last_satellites_ns = self._vertical.last_accepted_ns(HeightAiding.SATELLITES)
+        self._vertical_hold.update(t_ns, last_satellites_ns, self._used_ns if is_aided else {})
 
     def accepts(self, device: str, kind: type[Measurement]) -> bool:
         """Whether measurements of this kind of a device are used here."""

@@ -160,7 +160,8 @@ class Pipeline:
         for admitted in passed:
             for handle in handlers:
                 out += handle(admitted, t_valid_ns) or ()
-        return [*out, *self._plausibility.drain_events()]
+        out += self._plausibility.drain_events()
+        return out
 
     def _confirm(self, nav: NavState) -> list[Event]:
         """Readmit receivers with a lasting contradiction with which an independent source agrees."""
@@ -188,13 +189,15 @@ class Pipeline:
         nav = self._navigation.at(t_valid_ns)
         height = channel.feed(channel.read(m, t_valid_ns), nav)
         events = self._ground_check.update(height)
-        against = self._agreement.update(height, channel.since_ns)
+        since_ns = channel.since_ns
+        against = self._agreement.update(height, since_ns)
         height = channel.widen(height)
         if against:
             height = replace(height, valid=False, reasons=(*height.reasons, *against))
-        events += self._refusals.update(height, channel.since_ns)
-        for name, each in self._altimeters.items():
-            each.set_ground_contradicted(name in self._ground_check.contradicted)
+        if events:
+            for name, each in self._altimeters.items():
+                each.set_ground_contradicted(name in self._ground_check.contradicted)
+        events += self._refusals.update(height, since_ns)
         if self._fallbacks:
             self._fallbacks.feed_height(height, nav)
         if self._is_excluded(height):  # after the filter has taken it: its agreement ends the exclusion
@@ -234,8 +237,7 @@ class Pipeline:
             tilted = self._attitude_protection.at(t_ns, nav.attitude, nav.attitude_source)
             out.append(solution(nav, protection, tilted, self._limits, self._navigation.refused))
         if self._fallbacks:
-            self._fallbacks.set_suspects(self._plausibility.suspected)
-            fallback = self._fallbacks.tick(t_ns, nav)
+            fallback = self._fallbacks.tick(t_ns, nav, self._plausibility.find_suspects)
             for output in fallback:
                 if isinstance(output, FilterSolution):
                     self._plausibility.feed_filter(output)

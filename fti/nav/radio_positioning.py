@@ -101,8 +101,8 @@ class RadioPosition:
         used = set(state.used) - set(state.refused)
         if state.valid and (FIX in used or HEIGHT not in used):
             self._other_ns = t_ns
-        altimeter = self._settings.altimeter
-        self._hold.update(t_ns, self._other_ns, (altimeter,) if altimeter and state.valid and HEIGHT in used else ())
+        altimeter = self._settings.altimeter if state.valid and HEIGHT in used else None
+        self._hold.update(t_ns, self._other_ns, {altimeter: t_ns} if altimeter else {})
 
     def solution(self, t_ns: int) -> PositionFix:
         """The fix at t_ns."""

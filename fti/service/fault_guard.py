@@ -38,12 +38,9 @@ class Guard(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        if isinstance(error, Exception):
-            self.report(error)
-        elif error is None or isinstance(error, EXIT_EXCEPTIONS):
+        if error is None or (isinstance(error, EXIT_EXCEPTIONS) and not isinstance(error, Exception)):
             return False
-        else:
-            self.report(Panic(f"{type(error).__name__}: {error}"))
+        self.report(error if isinstance(error, Exception) else Panic(f"{type(error).__name__}: {error}"))
         return True
 
 

@@ -254,7 +254,7 @@ class ClockEstimator:
 
     def _valid_ns(self, segment: ClockSegment, t_rx_ns: int, t_dev_ns: int, late: float) -> int | None:
         """Time of validity of a message; None while the clock is not known well enough."""
-        if self.state is not ClockState.GOOD or segment.sd_ns(t_dev_ns) > GOOD_SD_NS:
+        if self._is_distrusted or not segment.is_known or not segment.sd_ns(t_dev_ns) <= GOOD_SD_NS:
             return None
         self._report_drift(segment)
         return t_rx_ns - round(max(late, 0.0)) - self._latency_ns

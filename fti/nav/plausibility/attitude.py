@@ -59,8 +59,8 @@ class AttitudeComparison:
         newest_ns = parts["roll"].newest_ns
         if m.valid and m.roll is not None and newest_ns is not None and 0 <= t_ns - newest_ns < MIN_STEP_NS:
             return
-        for name in LIMITS:
-            value, sd = getattr(m, name), getattr(m, f"{name}_sd")
+        stated = (("roll", m.roll, m.roll_sd), ("pitch", m.pitch, m.pitch_sd), ("heading", m.heading, m.heading_sd))
+        for name, value, sd in stated:
             if value is not None and abs(value) <= MAX_PART_VALUES[name]:
                 is_stated = sd is not None and 0.0 < sd < math.inf
                 parts[name].push(t_ns, value if m.valid else None, sd if is_stated else None)

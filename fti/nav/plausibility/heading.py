@@ -22,8 +22,10 @@ LEVEL = math.radians(5.0)
 SIDESLIP = math.radians(3.0)
 SPEED_RATIO = 1.5
 MIN_DURATION_NS = 10 * SECOND_NS
-#: Maximum time between compared track and attitude [ns].
+#: Maximum time between compared velocity and attitude [ns].
 MAX_PAIRING_NS = SECOND_NS
+#: Time [ns], north and east [m/s].
+TimedVelocity = tuple[int, float, float]
 
 
 class HeadingTest:
@@ -31,22 +33,22 @@ class HeadingTest:
 
     def __init__(self, wind: float) -> None:
         self._wind = wind
-        self._track: tuple[int, float, float] | None = None
         self._roll: tuple[int, float] | None = None
         self._since_ns: int | None = None
 
-    def feed_track(self, t_ns: int, north: float, east: float) -> None:
-        """Add a velocity over ground of a valid source [m/s]."""
-        self._track = t_ns, math.hypot(north, east), math.atan2(east, north)
-
-    def feed(self, t_ns: int, m: Attitude) -> list[PlausibilityFinding] | None:
-        """Add an attitude; None where it is not comparable."""
+    def feed(self, t_ns: int, m: Attitude, velocity: TimedVelocity) -> list[PlausibilityFinding] | None:
+        """Add an attitude; None where it is not comparable.  velocity : newest of any valid source; 0 without one"""
         if m.roll is not None:
             self._roll = t_ns, m.roll
-        if m.heading is None or not math.isfinite(m.heading) or not self._is_comparable(t_ns):
+        if m.heading is None or not math.isfinite(m.heading):
             return None
-        assert self._track is not None
-        _, speed, track = self._track
+        velocity_ns, north, east = velocity
+        is_level = self._roll is not None and t_ns - self._roll[0] <= MAX_PAIRING_NS and abs(self._roll[1]) <= LEVEL
+        speed = math.hypot(north, east)
+        if not is_level or abs(t_ns - velocity_ns) > MAX_PAIRING_NS or speed < SPEED_RATIO * self._wind:
+            self._since_ns = None
+            return None
+        track = math.atan2(east, north)
         sd = m.heading_sd if m.heading_sd is not None and 0.0 < m.heading_sd < math.inf else HEADING_SD_UNKNOWN
         limit = math.asin(self._wind / speed) + K_FALSE * sd + SIDESLIP
         off = wrap_half_turn(m.heading - track)
@@ -58,12 +60,3 @@ class HeadingTest:
             return None
         text = f"{math.degrees(off):+.0f} deg from the track at {speed:.0f} m/s, limit {math.degrees(limit):.0f} deg"
         return [PlausibilityFinding(Reason.HEADING_TRACK, self._since_ns, text)]
-
-    def _is_comparable(self, t_ns: int) -> bool:
-        """Whether the flight is wings level with a current track; otherwise a contradiction restarts."""
-        is_level = self._roll is not None and t_ns - self._roll[0] <= MAX_PAIRING_NS and abs(self._roll[1]) <= LEVEL
-        is_moving = self._track is not None and abs(t_ns - self._track[0]) <= MAX_PAIRING_NS
-        is_fast = is_moving and self._track is not None and self._track[1] >= SPEED_RATIO * self._wind
-        if not (is_level and is_fast):
-            self._since_ns = None
-        return is_level and is_fast

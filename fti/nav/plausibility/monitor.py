@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
 from msgspec.structs import replace
@@ -27,7 +27,7 @@ from fti.nav.plausibility.attitude import AttitudeComparison
 from fti.nav.plausibility.events import describe, describe_restored
 from fti.nav.plausibility.filter_attitude import FilterAttitudeTest
 from fti.nav.plausibility.finding import PlausibilityFinding
-from fti.nav.plausibility.heading import HeadingTest
+from fti.nav.plausibility.heading import HeadingTest, TimedVelocity
 from fti.nav.plausibility.signals import HOLD_NS, SignalTest
 from fti.nav.plausibility.source import SourceTests, UnconfirmedSource, UnstatedSigmas
 from fti.nav.source_interpolation import level_velocity
@@ -52,6 +52,7 @@ class PlausibilityMonitor:
         self._newest_ns: dict[str, int] = {}
         self._headings = {name: Admission() for name in config.nav.attitude}
         self._heading_tests = {name: HeadingTest(config.nav.limits.wind_mps) for name in config.nav.attitude}
+        self._velocity: TimedVelocity = (0, 0.0, 0.0)  # the newest of any valid source
         self._comparison = AttitudeComparison()
         self._filter_test = FilterAttitudeTest(self._comparison)
         self._has_filter = config.nav.filter is not None
@@ -67,33 +68,28 @@ class PlausibilityMonitor:
             return device in self._attitudes
         return issubclass(kind, (Position, Velocity)) and device in self._tests
 
-    def check(self, device: str, m: Measurement, t_ns: int) -> list[Measurement]:
+    def check(self, device: str, m: Measurement, t_ns: int) -> Sequence[Measurement]:
         """The measurement with its validity after the tests: the same, invalid, or split with one invalid part."""
         self._newest_ns[device] = max(t_ns, self._newest_ns.get(device, t_ns))
         if isinstance(m, Attitude):
-            return [*self._check_attitude(device, m, t_ns)]
+            return self._check_attitude(device, m, t_ns)
         if isinstance(m, Position):
             positions, events = self._tests[device].feed_position(m, t_ns)
             self._events += events
-            return [*positions]
+            return positions
         if isinstance(m, Velocity):
             velocities, events = self._tests[device].feed_velocity(m, t_ns)
             self._events += events
-            if self._tests[device].position.is_valid and m.valid:
-                self._feed_track(m, t_ns)
-            return [*velocities]
+            north, east = level_velocity(m) if m.valid and self._tests[device].position.is_valid else (None, None)
+            if north is not None and east is not None and math.isfinite(north + east):
+                self._velocity = t_ns, north, east
+            return velocities
         return [m]
-
-    def _feed_track(self, m: Velocity, t_ns: int) -> None:
-        north, east = level_velocity(m)
-        if north is not None and east is not None and math.isfinite(north + east):
-            for test in self._heading_tests.values():
-                test.feed_track(t_ns, north, east)
 
     def _check_attitude(self, device: str, m: Attitude, t_ns: int) -> list[Attitude]:
         self._comparison.feed(device, m, t_ns)
         admission = self._headings[device]
-        findings = self._heading_tests[device].feed(t_ns, m) if m.valid else None
+        findings = self._heading_tests[device].feed(t_ns, m, self._velocity) if m.valid else None
         if findings is not None:
             changes = [admission.fail(finding) for finding in findings] or [admission.passes(t_ns)]
             self._events += [describe(t_ns, device, HEADING, admission, change) for change in changes if change]
@@ -104,8 +100,7 @@ class PlausibilityMonitor:
         heading = Attitude(stamp=m.stamp, heading=m.heading, valid=False)
         return [heading] if m.roll is None and m.pitch is None else [replace(m, heading=None), heading]
 
-    @property
-    def suspected(self) -> frozenset[str]:
+    def find_suspects(self) -> frozenset[str]:
         """Sources of position that drift by more than half of the limit, or whose signals are suspicious.
 
         A silent source is not included for its drift.
@@ -152,7 +147,7 @@ class PlausibilityMonitor:
     def find_unconfirmed(self, device: str) -> UnconfirmedSource | None:
         """The unconfirmed quantities of a source that pass their tests; None: none, or not a source of position."""
         tests = self._tests.get(device)
-        return tests.unconfirmed_source if tests else None
+        return tests.unconfirmed_source if tests and tests.is_unconfirmed else None
 
     @property
     def contradiction_sizes(self) -> dict[str, float]:

@@ -47,6 +47,9 @@ MAX_PAIRING_NS = SECOND_NS // 2
 MAX_VELOCITY_AGE_NS = 2 * SECOND_NS
 #: Maximum latitude for tests of the longitude [rad].
 MAX_LAT = math.radians(89.0)
+#: Fields and their limits.
+POSITION_LIMITS = [(name, MAX_PART_VALUES[name]) for name in ("lat", "lon", "alt")]
+VELOCITY_LIMITS = [(name, MAX_PART_VALUES[name]) for name in ("north", "east", "down", "ground_speed", "track")]
 POSITION, ALTITUDE = "position", "altitude"
 Findings = list[PlausibilityFinding]
 #: Reference of a height; a device may alternate between both (MAVLink does).
@@ -102,7 +105,7 @@ class SourceTests:
     def feed_position(self, m: Position, t_ns: int) -> tuple[list[Position], list[Event]]:
         """Test a position valid at t_ns."""
         events = self._test_time(m.stamp)
-        if m.valid and _is_conceivable(m, ("lat", "lon", "alt")):
+        if m.valid and _is_conceivable(m, POSITION_LIMITS):
             if m.lat is not None:
                 self.newest_ns = t_ns
             if self._is_due(m, t_ns):
@@ -129,7 +132,7 @@ class SourceTests:
         """Test a velocity valid at t_ns."""
         events = self._test_time(m.stamp)
         is_next = m.north is None or self._velocity_ns is None or t_ns - self._velocity_ns >= MIN_STEP_NS
-        if is_next and m.valid and _is_conceivable(m, ("north", "east", "down", "ground_speed", "track")):
+        if is_next and m.valid and _is_conceivable(m, VELOCITY_LIMITS):
             self._velocity_ns = t_ns if m.north is not None else self._velocity_ns
             events += self._test_velocity(m, t_ns)
         return self._admit_velocity(m), events
@@ -240,7 +243,7 @@ class SourceTests:
         return self._conclude(t_ns, ALTITUDE, self.altitude, up, findings)
 
     def _sigma(self, sd: float, axis: AxisTests, time_sd: float) -> FixSigma:
-        step = self._polar_resolution() if axis in {self._north, self._east} else 0.0
+        step = 0.0 if axis.name == "up" else self._polar_resolution()
         return FixSigma(sd, self._velocity_sd, time_sd, 0.0, max(step, axis.velocity.step), self._arm)
 
     def _polar_resolution(self) -> float:
@@ -358,10 +361,10 @@ def _bounded_sigma(stated: float | None, unstated: float, floor: float) -> float
     return min(max(stated, floor), MAX_SIGMA)
 
 
-def _is_conceivable(m: Position | Velocity, names: Iterable[str]) -> bool:
+def _is_conceivable(m: Position | Velocity, limits: Iterable[tuple[str, float]]) -> bool:
     """Whether all numbers are plausible for an aircraft."""
-    for name in names:
+    for name, limit in limits:
         value = getattr(m, name)
-        if value is not None and not abs(value) <= MAX_PART_VALUES[name]:
+        if value is not None and not abs(value) <= limit:
             return False
     return True

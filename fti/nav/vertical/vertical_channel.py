@@ -104,6 +104,7 @@ class VerticalChannel:
         self._filter_ns = 0
         self._imu_ns: int | None = None
         self._last_ns: dict[str, int] = {}
+        self._accepted_ns: dict[str, int] = {}
         self._confirmations = 0
         self._altimeter_refused = False
         self._ground_sd = 0.0
@@ -179,7 +180,7 @@ class VerticalChannel:
 
     def last_accepted_ns(self, aiding: HeightAiding) -> int | None:
         """Time of the last accepted height of this aiding; None: never."""
-        return self._last_ns.get(f"accepted {aiding}")
+        return self._accepted_ns.get(aiding)
 
     def at(self, t_ns: int) -> VerticalState:
         """Height and climb at t_ns."""
@@ -240,6 +241,7 @@ class VerticalChannel:
         self._channel = self._filter = None
         self._imu_ns, self._altimeter_refused = t_ns, False
         self._last_ns.clear()
+        self._accepted_ns.clear()
 
     def _weight(self, aiding: str, t_ns: int, tau_s: float) -> float:
         """Factor of the variance of a measurement, whose error is correlated with the last one's."""
@@ -268,7 +270,7 @@ class VerticalChannel:
         if aiding == HeightAiding.ALTIMETER:
             self._altimeter_refused = not bool(innovation.accepted)
         if bool(innovation.accepted):
-            self._last_ns[f"accepted {aiding}"] = t_ns
+            self._accepted_ns[aiding] = t_ns
             self._confirmations += 1
         elif self._confirmations < MIN_CONFIRMATIONS:
             self._channel = self._filter = None

@@ -142,7 +142,7 @@ class Product:
             self._navigation.feed(device, m, t_ns)
 
     def _follow(self, t_ns: int) -> list[tuple[float, str]]:
-        self._navigation.set_suspects(self._plausibility.suspected)
+        self._navigation.set_suspects(self._plausibility.find_suspects())
         return list(_timed_texts(self._navigation.events(t_ns)))
 
     def _solution(self, t_ns: int, calibration: SeparationCalibration) -> list[tuple[float, ...]]:

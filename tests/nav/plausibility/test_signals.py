@@ -105,10 +105,10 @@ def test_the_drift_of_a_receiver_that_falls_silent_is_forgotten() -> None:
         monitor.check("gnss", speed, stamp.t_rx_ns)
         monitor.check("gnss", Position(stamp=stamp, lat=lat, lon=0.1, horizontal_sd=1.0), stamp.t_rx_ns)
         monitor.tick(stamp.t_rx_ns)
-    assert monitor.suspected == {"gnss"}
+    assert monitor.find_suspects() == {"gnss"}
     assert monitor._tests["gnss"].position.is_valid
     monitor.tick(70 * S)
-    assert monitor.suspected == frozenset()
+    assert monitor.find_suspects() == frozenset()
 
 
 def test_receivers_that_aid_the_filter_are_suspected_for_30_s() -> None:
@@ -116,14 +116,14 @@ def test_receivers_that_aid_the_filter_are_suspected_for_30_s() -> None:
     assert monitor.watches_signals("gnss", Satellites)
     assert not monitor.watches_signals("imu", Satellites)
     monitor.feed_signals("gnss", sky(40.0, 41.0, 42.0, 39.0), 0)
-    assert monitor.suspected == frozenset()
+    assert monitor.find_suspects() == frozenset()
     (event,) = monitor.feed_signals("gnss", sky(50.0, 51.0, 52.0, 49.0), S)
     assert "suspected for 30 s: C/N0 of its satellites changed by +10 dB" in event.text  # type: ignore[union-attr]
-    assert monitor.suspected == {"gnss"}
+    assert monitor.find_suspects() == {"gnss"}
     monitor.tick(20 * S)
-    assert monitor.suspected == {"gnss"}
+    assert monitor.find_suspects() == {"gnss"}
     monitor.tick(40 * S)
-    assert monitor.suspected == frozenset()
+    assert monitor.find_suspects() == frozenset()
 
 
 def test_signals_reach_the_test_through_the_pipeline() -> None:
