@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,9 @@ from fti.terminal_text import escape_controls
 
 if TYPE_CHECKING:
     from rich.progress import Progress
+
+#: Period of the lines of progress without a terminal.
+LINE_PERIOD_S = 10.0
 
 
 def progress_bar() -> Progress:
@@ -33,25 +37,29 @@ def bar_title(text: str) -> str:
 
 @contextmanager
 def show_read_progress(recording: Recording, title: str, passes: int = 1) -> Iterator[None]:
-    """Show the read position as a bar.  title : before the bar; passes : how often all files are read"""
+    """Show the read position as a bar, without a terminal as a line every 10 s.
+
+    title : before the bar; passes : how often all files are read
+    """
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
-    if not console.is_terminal:
-        yield
-        return
     total = passes * sum(path.stat().st_size for path in recording.files)
     columns = TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=console, transient=True) as bar:
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         last = Path(), 0
+        due_s = time.monotonic() + LINE_PERIOD_S
 
         def advance(path: Path, position: int) -> None:
-            nonlocal last
+            nonlocal last, due_s
             same = path == last[0] and position >= last[1]
             bar.advance(task, position - (last[1] if same else 0))
             last = path, position
+            if bar.disable and time.monotonic() > due_s:
+                due_s = time.monotonic() + LINE_PERIOD_S
+                print_line(f"{title}: {min(bar.tasks[task].percentage, 99):.0f} %", error=True)
 
         recording.on_read = advance
         try:

@@ -68,6 +68,12 @@ class Decimator:
         self._due[stream] = (due if due > t_ns else t_ns) + self._period_ns
         return True
 
+    def passes(self, device: str, measurement: Measurement) -> bool:
+        """Is this measurement to be recorded?  Call once for each, in order."""
+        kind = type(measurement)
+        stream_key = STREAM_KEY.get(kind)
+        return stream_key is None or self.is_due((device, kind, stream_key(measurement)), measurement.stamp.t_rx_ns)
+
 
 class DerivedLog(SplitLog):
     """Writes the derived files of a session.  All methods except ``flush``, ``sync`` and ``close`` only buffer.
@@ -77,7 +83,7 @@ class DerivedLog(SplitLog):
 
     def __init__(self, folder: SessionFolder | None, settings: LogSettings, *, decimate_hz: float = 25.0) -> None:
         super().__init__(folder, LogLayout("derived", settings))
-        self._decimator = Decimator(decimate_hz)
+        self.is_due = Decimator(decimate_hz).passes  # for callers that queue measurements
         self._channels: dict[str, int] = {}
         self._channels_of: dict[tuple[str, type], int] = {}
 
@@ -86,16 +92,8 @@ class DerivedLog(SplitLog):
         if self.is_due(device, measurement):
             self.write_undecimated(device, measurement)
 
-    def is_due(self, device: str, measurement: Measurement) -> bool:
-        """Is this measurement to be recorded?  Call once for each, in order; for callers that queue measurements."""
-        kind = type(measurement)
-        stream_key = STREAM_KEY.get(kind)
-        return stream_key is None or self._decimator.is_due(
-            (device, kind, stream_key(measurement)), measurement.stamp.t_rx_ns
-        )
-
     def write_undecimated(self, device: str, measurement: Measurement) -> None:
-        """Write a measurement for which ``is_due`` was true."""
+        """Write a measurement for which ``is_due`` was true; it is called once for each, in order."""
         kind = type(measurement)
         channel = self._channels_of.get((device, kind))
         if channel is None:

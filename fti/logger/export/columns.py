@@ -1,13 +1,17 @@
-"""Columns of the table of a topic, with type and unit, found by reading its messages."""
+"""Columns of the table of a topic, with type and unit: by the class of its messages, or found by reading them."""
 
 from __future__ import annotations
 
 import json
+import types
+import typing
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from typing import Any
 
-from fti.logger.export.units import unit_of, with_unit
+from fti.logger.export.units import class_of, unit_of, with_unit
+from fti.messages.units import union_members
 
 #: Largest integer of an integer column; a larger one is a float.
 MAX_INT64 = 2**63 - 1
@@ -22,15 +26,19 @@ class Type(StrEnum):
     TEXT = "string"
     TEXTS = "list<string>"
     BYTES = "binary"
+    UTC = "timestamp"  # in ns since 1970
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column.  name : path of the field (``stamp.t_rx_ns``, ``accel_b.0``); unit : None when it is not a number."""
+    """A column.  name : path of the field (``stamp.t_rx_ns``, ``accel_b.0``); unit : None when it is not a number;
+    nullable : it may have unknown values.
+    """
 
     name: str
     type: Type
     unit: str | None = None
+    nullable: bool = True
 
     @property
     def head(self) -> str:
@@ -64,11 +72,39 @@ def _flatten(value: Any, name: str, cells: dict[str, Any]) -> None:
         cells.update((f"{name}.{n}", item) for n, item in enumerate(value))
 
 
+@cache
+def types_of_class(cls: type) -> dict[str, Type]:
+    """Types of the columns of a class of messages by their names; a list of messages is a text, of JSON."""
+    found: dict[str, Type] = {}
+    for name, hint in typing.get_type_hints(cls).items():
+        kind = next(member for member in union_members(hint) if member is not types.NoneType)
+        arguments = typing.get_args(kind)
+        if typing.get_origin(kind) is tuple and ... not in arguments:
+            found |= {f"{name}.{n}": _scalar(member) for n, member in enumerate(arguments)}
+        elif typing.get_origin(kind) is tuple:
+            found[name] = Type.TEXTS if issubclass(arguments[0], str) else Type.TEXT
+        elif is_message(kind):
+            found |= {f"{name}.{inner}": scalar for inner, scalar in types_of_class(kind).items()}
+        elif isinstance(kind, type):
+            found[name] = _scalar(kind)
+    return found
+
+
+def is_message(kind: Any) -> bool:
+    """Is a type a class of messages?"""
+    return isinstance(kind, type) and not issubclass(kind, str) and bool(typing.get_type_hints(kind))
+
+
+def _scalar(kind: type) -> Type:
+    return {bool: Type.BOOL, int: Type.INT, float: Type.FLOAT}.get(kind, Type.TEXT)
+
+
 class ColumnFinder:
     """Collects the columns of one topic, in order of appearance."""
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
+        self._stated = types_of_class(cls) if (cls := class_of(topic)) else {}
         self._types: dict[str, set[type]] = {}
 
     def add(self, message: Any) -> int:
@@ -90,10 +126,11 @@ class ColumnFinder:
 
     def _column(self, name: str, kinds: set[type]) -> Column:
         unit = unit_of(self._topic, name)
+        stated = self._stated.get(name)
         if not kinds:  # never known
-            return Column(name, Type.FLOAT if unit else Type.TEXT, unit)
+            return Column(name, stated or (Type.FLOAT if unit else Type.TEXT), unit)
         if kinds <= {int, float}:
-            return Column(name, Type.INT if kinds == {int} else Type.FLOAT, unit)
+            return Column(name, Type.INT if kinds == {int} and stated is not Type.FLOAT else Type.FLOAT, unit)
         plain = {bool: Type.BOOL, list: Type.TEXTS}
         return Column(name, plain.get(next(iter(kinds)), Type.TEXT) if len(kinds) == 1 else Type.TEXT)
 

@@ -1,4 +1,4 @@
-"""CSV tables: units in the heads (``height_agl [m]``); an empty cell is an unknown value.
+"""CSV tables: units in the heads (``height_agl [m]``); an empty cell is an unknown value; times as in ISO 8601.
 
 An apostrophe before texts that begin like a formula prevents evaluation by spreadsheets.  Control characters are
 written as ``\\u001b``, so that a row is a line.  Parquet tables hold the original texts.
@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from fti.logger.export.columns import Column, Type
-from fti.logger.export.tables import Format
+from fti.logger.export.table_files import Format
 from fti.terminal_text import escape_controls
 
 #: Spreadsheets evaluate cells with these begins, except numbers.
@@ -35,6 +37,17 @@ def _is_number(text: str) -> bool:
     return True
 
 
+def format_utc(t_ns: int) -> str:
+    """``2026-01-02T03:04:05.000000006Z`` for a time in ns since 1970."""
+    second, rest = divmod(t_ns, 1_000_000_000)
+    return f"{_format_second(second)}.{rest:09d}Z"
+
+
+@lru_cache(maxsize=64)
+def _format_second(second: int) -> str:
+    return datetime.fromtimestamp(second, UTC).strftime("%Y-%m-%dT%H:%M:%S")
+
+
 class CsvTable:
     """A CSV file in UTF-8.  Bytes are hexadecimal; a list of texts is one cell, ``a b``."""
 
@@ -46,6 +59,7 @@ class CsvTable:
         self._texts = [n for n, column in enumerate(columns) if column.type is Type.TEXT]
         self._words = [n for n, column in enumerate(columns) if column.type is Type.TEXTS]
         self._bytes = [n for n, column in enumerate(columns) if column.type is Type.BYTES]
+        self._times = [n for n, column in enumerate(columns) if column.type is Type.UTC]
 
     def write(self, row: Sequence[Any]) -> None:
         """Add a row."""
@@ -56,6 +70,8 @@ class CsvTable:
             cells[n] = None if cells[n] is None else escape_formula(cells[n])
         for n in self._bytes:
             cells[n] = cells[n].hex()
+        for n in self._times:
+            cells[n] = format_utc(cells[n])
         self._table.writerow(cells)
 
     def close(self) -> None:

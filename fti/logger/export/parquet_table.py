@@ -1,7 +1,8 @@
 """Apache Parquet tables: typed columns, units in the metadata of each field and of the file.
 
 The file's metadata ``units`` is a JSON table of column and unit.  ``session``, ``origin``, ``mode`` and more identify
-the session; ``note`` marks a snapshot.  pandas, Polars, DuckDB and MATLAB read the columns.
+the session; ``note`` marks a snapshot.  pandas, Polars, DuckDB and MATLAB read the columns.  The metadata ``pandas``
+keep integers with unknown values integers there (``Int64``), which would lose the last digits of a time as floats.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fti.logger.export.columns import Column, Type
-from fti.logger.export.tables import Format
+from fti.logger.export.table_files import Format
 
 #: Rows of one row group, which is collected in memory.
 GROUP_ROWS = 4096
@@ -26,6 +27,7 @@ TYPES = {
     Type.TEXT: pa.string(),
     Type.TEXTS: pa.list_(pa.string()),
     Type.BYTES: pa.binary(),
+    Type.UTC: pa.timestamp("ns", "UTC"),
 }
 
 
@@ -65,7 +67,15 @@ def make_schema(columns: Sequence[Column], session_metadata: Mapping[str, str]) 
         pa.field(column.name, TYPES[column.type], metadata={"unit": column.unit} if column.unit else None)
         for column in columns
     ]
-    return pa.schema(fields, metadata={**session_metadata, "units": json.dumps(units)})
+    pandas = json.dumps({"index_columns": [], "column_indexes": [], "columns": _pandas_columns(columns)})
+    return pa.schema(fields, metadata={**session_metadata, "units": json.dumps(units), "pandas": pandas})
+
+
+def _pandas_columns(columns: Sequence[Column]) -> list[dict[str, Any]]:
+    """The types of integers that may be unknown, in the form of pandas' own metadata."""
+    int64 = {"pandas_type": "int64", "numpy_type": "Int64", "metadata": None}
+    names = [column.name for column in columns if column.type is Type.INT and column.nullable]
+    return [{"name": name, "field_name": name, **int64} for name in names]
 
 
 PARQUET = Format(".parquet", ParquetTable)

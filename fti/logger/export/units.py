@@ -38,9 +38,13 @@ def unit_of(topic: str, column: str) -> str | None:
     )
 
 
+def class_of(topic: str) -> type | None:
+    """``HeightAboveGround`` for ``/nav/height_above_ground/radar``, ``Attitude`` for ``/ins/attitude``."""
+    return _CLASSES.get(next(iter(topic.split("/")[2:3]), ""))
+
+
 def _units_of(topic: str) -> Mapping[str, str]:
-    """Units of ``HeightAboveGround`` for ``/nav/height_above_ground/radar``, of ``Attitude`` for ``/ins/attitude``."""
-    cls = _CLASSES.get(next(iter(topic.split("/")[2:3]), ""))
+    cls = class_of(topic)
     return units(cls) if cls else {}
 
 

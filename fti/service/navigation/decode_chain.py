@@ -62,16 +62,67 @@ class DeviceDecoder:
             self.decoder.copy_state(before)
 
 
-class Chain:
-    """Decoders of all links and the navigation pipeline behind them."""
+class MeasurementChain:
+    """Decoders of all links, mounting and clocks of the devices: the decode chain without navigation."""
 
-    def __init__(self, config: Config, devices: Sequence[BoundDevice], reference: ApproachReference | None) -> None:
+    def __init__(self, config: Config, devices: Sequence[BoundDevice]) -> None:
         self.device_decoders = [DeviceDecoder(bound, bound.make_decoder()) for bound in devices]
         self._on_link: dict[str, list[DeviceDecoder]] = {}
         for device_decoder in self.device_decoders:
             self._on_link.setdefault(device_decoder.bound.device.link, []).append(device_decoder)
+        self._config = config
         self._times, self._mountings = DeviceTimes(config.device), Mountings(config.device)
-        self._config, self._reference = config, reference
+
+    def reset_clocks(self) -> None:
+        """Discard what is known of the device clocks."""
+        self._times = DeviceTimes(self._config.device)
+
+    def feed(self, frame: RawFrame) -> ChainOutput:
+        """Decode the next frame; returns its measurements, and an event for each failure."""
+        products = ChainOutput()
+        self._feed_decoders(frame, products)
+        return products
+
+    def _feed_decoders(self, frame: RawFrame, products: ChainOutput) -> None:
+        for device_decoder in self._on_link.get(frame.link, ()):
+            if found := self._decode(device_decoder, frame, products):
+                self._use(device_decoder.name, found, frame, products)
+
+    def _use(self, device: str, found: list[Measurement], frame: RawFrame, products: ChainOutput) -> None:
+        guard = _EventGuard("pipeline", frame, products)
+        waiting = iter(found)
+        done = False
+        while not done:
+            with guard:  # once for all; after a failure once more for the remaining ones
+                for measurement in waiting:
+                    stamped = self._times.stamp(device, self._mountings.turn(device, measurement))
+                    products.measurements.append((device, stamped))
+                    self._navigate(device, stamped, products)
+                done = True
+
+    def _navigate(self, device: str, measurement: Measurement, products: ChainOutput) -> None:
+        """Nothing: without navigation."""
+
+    def _decode(self, device_decoder: DeviceDecoder, frame: RawFrame, products: ChainOutput) -> list[Measurement]:
+        found: list[Measurement] = []
+        is_decoded = False
+        with _EventGuard(device_decoder.name, frame, products):
+            found = device_decoder.decoder.feed(frame.data, frame.t_rx_ns)
+            is_decoded = True
+        if not is_decoded:  # a decoder must not fail; if one does, only that one is reset
+            device_decoder.reset(FAILURE)
+        if found:
+            device_decoder.messages += len(found)
+            device_decoder.last_ns = frame.t_rx_ns
+        return found
+
+
+class Chain(MeasurementChain):
+    """Decoders of all links and the navigation pipeline behind them."""
+
+    def __init__(self, config: Config, devices: Sequence[BoundDevice], reference: ApproachReference | None) -> None:
+        super().__init__(config, devices)
+        self._reference = reference
         self._pipeline, self._conditions = Pipeline(config, reference), OutputConditions(config)
         self._terrain: tuple[Ground | None] | None = None  # not set yet
 
@@ -109,7 +160,7 @@ class Chain:
 
     def _reset_navigation(self, t_ns: int) -> Event:
         """Discard all earlier measurements, the state of the filter, all refusals, and the device clocks."""
-        self._times = DeviceTimes(self._config.device)
+        self.reset_clocks()
         self._pipeline, self._conditions = Pipeline(self._config, self._reference), OutputConditions(self._config)
         if self._terrain:
             self._pipeline.set_terrain(*self._terrain)
@@ -133,9 +184,7 @@ class Chain:
                 products.outputs += self._pipeline.tick(frame.t_rx_ns)
             with _EventGuard("device clocks", frame, products):
                 self._publish_device_clocks(frame.t_rx_ns, products)
-        for device_decoder in self._on_link.get(frame.link, ()):
-            if found := self._decode(device_decoder, frame, products):
-                self._navigate(device_decoder.name, found, frame, products)
+        self._feed_decoders(frame, products)
         if products.outputs:  # most frames have none
             self._report_conditions(frame, products)
         return products
@@ -144,17 +193,8 @@ class Chain:
         with _EventGuard("alarm conditions", frame, products):
             products.notes += map(ConditionReport.as_record, self._conditions.feed(products.outputs))
 
-    def _navigate(self, device: str, found: list[Measurement], frame: RawFrame, products: ChainOutput) -> None:
-        guard = _EventGuard("pipeline", frame, products)
-        waiting = iter(found)
-        done = False
-        while not done:
-            with guard:  # once for all; after a failure once more for the remaining ones
-                for measurement in waiting:
-                    stamped = self._times.stamp(device, self._mountings.turn(device, measurement))
-                    products.measurements.append((device, stamped))
-                    products.outputs += self._pipeline.feed(device, stamped)
-                done = True
+    def _navigate(self, device: str, measurement: Measurement, products: ChainOutput) -> None:
+        products.outputs += self._pipeline.feed(device, measurement)
 
     def clocks_of(self, device: str, t_ns: int) -> list[ClockEstimate]:
         """The clocks of a device at a time."""
@@ -164,19 +204,6 @@ class Chain:
         if note := self._times.tick(t_ns):
             products.notes.append(note)
             products.outputs += self._times.drain_events(t_ns)
-
-    def _decode(self, device_decoder: DeviceDecoder, frame: RawFrame, products: ChainOutput) -> list[Measurement]:
-        found: list[Measurement] = []
-        is_decoded = False
-        with _EventGuard(device_decoder.name, frame, products):
-            found = device_decoder.decoder.feed(frame.data, frame.t_rx_ns)
-            is_decoded = True
-        if not is_decoded:  # a decoder must not fail; if one does, only that one is reset
-            device_decoder.reset(FAILURE)
-        if found:
-            device_decoder.messages += len(found)
-            device_decoder.last_ns = frame.t_rx_ns
-        return found
 
 
 class _EventGuard(Guard):
