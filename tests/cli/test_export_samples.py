@@ -156,6 +156,19 @@ def test_angles_are_in_degrees(tmp_path: Path) -> None:
     assert "heading [deg]" in (out / "ins_attitude.csv").read_text().splitlines()[0]
 
 
+def test_a_topic_that_a_device_could_have_but_has_not_is_an_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert export(DEMONSTRATION, tmp_path, "--topic", "/ins/airspeed", "--topic", "/ins/attitude") == 2
+    assert "--topic /ins/airspeed: matches nothing" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_are_not_resampled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert export(DEMONSTRATION, tmp_path, "--raw", "--resample", "10") == 2
+    assert "--raw: frames cannot be resampled" in capsys.readouterr().err
+
+
 def test_an_event_is_a_row(tmp_path: Path) -> None:
     """Raw and derived files both hold the events of navigation."""
     assert export(DEMONSTRATION, tmp_path, "--topic", "/fti/event") == 0

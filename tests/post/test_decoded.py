@@ -89,5 +89,5 @@ def test_a_number_that_occurs_twice_ends_the_measurements_and_is_a_fault(tmp_pat
     log.close()
     recording = Recording.open(recording.path)
     frames = list(DecodedRecording.open(recording).measurements(lambda name: True))
-    assert len(frames) <= MESSAGES
+    assert len(frames) == MESSAGES
     assert "occurs twice" in recording.faults[recording.path].text
