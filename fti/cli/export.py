@@ -8,7 +8,8 @@ Measurements are decoded from the recorded bytes: every sample, with the time of
 
 Each row begins with its times: log_time_ns (arrival) and publish_time_ns (validity) in FTI time, t_s, seconds since the
 first message of the session, and utc, the time of validity as a timestamp.  FTI time is UTC as the computer knew it;
-fti sync corrects it by satellite time.  Angles are in radians; --degrees converts every column in rad or rad/s.
+fti sync corrects it by satellite time.  Angles are in radians; --degrees converts every column in rad or rad/s, but
+no lists within a cell (satellites).
 
 --resample HZ writes one table, resampled, with a row every 1/HZ s of UTC and a column for each signal of measurements
 and outputs: ins_attitude.roll [rad].  A cell is the last sample at or before its row; nothing is interpolated or
