@@ -14,20 +14,25 @@ from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from fti.errors import RecordingError
 from fti.logger.derived_log import STREAM_FIELD
 from fti.logger.export.columns import Column, Type
 from fti.logger.export.units import class_of
+from fti.logger.reading.limits import MAX_COLUMNS
 from fti.messages.measurements import Ack, Calibration, DeviceTime, Ephemeris, Pseudoranges, Reading
 from fti.messages.outputs import HeightAboveGround, NavSolution
 from fti.messages.topics import EVENT_TOPIC, OUTPUT_CLASSES, OUTPUT_MAX_AGE_MS
 
 NAME = "resampled"
 SECOND_NS = 1_000_000_000
+#: Rows of a table: a day at 1000 Hz.
+MAX_ROWS = 86_400_000
 #: Rows that are composed at once.
 CHUNK_ROWS = 4096
 #: Maximum age where the configuration is not known [ns]: the default of the configuration.
@@ -70,14 +75,19 @@ class Signal:
 
     def at(self, grid_ns: Ints) -> Iterator[Any]:
         """The values at some times; None for unknown ones."""
-        times = np.array(self._times)
-        order = np.argsort(times, kind="stable")
+        times, order = self._by_time
         index = np.searchsorted(times, grid_ns, side="right", sorter=order) - 1
         samples = order[np.maximum(index, 0)]
         are_known = (index >= 0) & (grid_ns - times[samples] <= self._max_age_ns)
         for sample, is_known in zip(samples.tolist(), are_known.tolist(), strict=True):
             value = self._values[sample]
             yield value if is_known and value == value else None  # noqa: PLR0124  NaN is unknown
+
+    @cached_property
+    def _by_time(self) -> tuple[Ints, Ints]:
+        """The times, and the indices of the samples in their order; when all samples are there."""
+        times = np.array(self._times)
+        return times, np.argsort(times, kind="stable")
 
 
 class _Fields:
@@ -88,20 +98,20 @@ class _Fields:
     """
 
     def __init__(self, kind: type, columns: Sequence[Column]) -> None:
-        names = [column.name for column in columns]
+        index = {column.name: n for n, column in enumerate(columns)}
         self.signals = [
             (n, column)
             for n, column in enumerate(columns)
             if column.name not in NO_SIGNAL_COLUMNS and not column.name.startswith("stamp.")
         ]
-        self.stream = names.index(STREAM_FIELD[kind]) if kind in STREAM_FIELD else None
-        self.unit = names.index("unit") if kind is Reading else None
+        self.stream = index.get(STREAM_FIELD.get(kind, ""))
+        self.unit = index.get("unit") if kind is Reading else None
         self.validity = {}
         for n, column in self.signals:
             of_attitude = kind is NavSolution and column.name in ATTITUDE_FIELDS
-            field = "attitude_valid" if of_attitude else "valid"
-            if field in names and column.type in (Type.FLOAT, Type.INT):
-                self.validity[n] = names.index(field)
+            valid = index.get("attitude_valid" if of_attitude else "valid", index.get("valid"))
+            if valid is not None and column.type in (Type.FLOAT, Type.INT):
+                self.validity[n] = valid
         defaults = {field.name: field.default for field in inspect.signature(kind).parameters.values()}
         is_partial = kind not in OUTPUT_CLASSES.values()
         self.parts = {n for n, c in self.signals if is_partial and defaults.get(c.name.partition(".")[0], 0) is None}
@@ -135,7 +145,7 @@ class ResampledTable:
     def open(self, topic: str, columns: Sequence[Column]) -> None:
         """Begin with a topic that has signals, or events."""
         if topic == EVENT_TOPIC:
-            self._event_text = [column.name for column in columns].index("message")
+            self._event_text = next((n for n, column in enumerate(columns) if column.name == "message"), 0)
         elif kind := class_of(topic):
             self._fields[topic] = _Fields(kind, columns)
 
@@ -176,11 +186,17 @@ class ResampledTable:
         return [*TIMES, EVENTS, *(signal.column for signal in self._signals.values())]
 
     def rows(self, start_ns: int, begin_s: float, end_s: float) -> Iterator[Sequence[Any]]:
-        """The rows from begin_s to end_s after the start of the session, at most to the last sample."""
+        """The rows from begin_s to end_s after the start of the session, at most to the last sample.
+
+        Raises RecordingError above a limit of rows or columns.
+        """
         first = self._interval(start_ns + round(begin_s * SECOND_NS))
         last = self._last
         if math.isfinite(end_s):
             last = min(last, self._interval(start_ns + round(end_s * SECOND_NS) + 1) - 1)
+        if last - first > MAX_ROWS or len(self._signals) > MAX_COLUMNS:
+            size = f"{last - first} rows, {len(self._signals)} columns"
+            raise RecordingError(f"--resample: the table would have {size}; at most {MAX_ROWS} and {MAX_COLUMNS}")
         for begin in range(first, last + 1, CHUNK_ROWS):
             numbers = range(begin, min(begin + CHUNK_ROWS, last + 1))
             grid = [math.floor(number * self._period_ns) for number in numbers]

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from fti.errors import RecordingError
 from fti.logger.export.columns import Column, Type
 from fti.logger.export.measurement_rows import MeasurementRows
 from fti.logger.export.resampled import ResampledTable
@@ -100,6 +101,23 @@ def test_samples_may_arrive_in_another_order_than_that_of_validity() -> None:
     assert table.columns()["ins_range.slant_range [m]"] == [None, None, 190.0, 250.0, 340.0]
 
 
+def test_the_attitude_of_the_navigation_solution_has_a_validity_of_its_own() -> None:
+    grid = ResampledTable(10, {}, lambda topic: "nav")
+    names = {
+        "valid": Type.BOOL,
+        "attitude_valid": Type.BOOL,
+        "lat": Type.FLOAT,
+        "roll": Type.FLOAT,
+        "refused": Type.TEXTS,
+    }
+    grid.open("/nav/nav_solution", [Column(name, kind) for name, kind in names.items()])
+    for n, valid in enumerate(((True, True), (False, True), (True, False))):
+        t_ns = START_NS + n * 100 * MS
+        grid.write("/nav/nav_solution", (t_ns, t_ns), [*valid, 0.5, 0.1, ["gnss"]])
+    rows = list(grid.rows(START_NS, 0.0, math.inf))
+    assert [row[5:] for row in rows] == [(0.5, 0.1, ["gnss"]), (None, 0.1, ["gnss"]), (0.5, None, ["gnss"])]
+
+
 def test_readings_are_columns_by_name_with_their_unit() -> None:
     table = Table()
     for name, value, unit in (("bus", 28.0, "V"), ("load", 3.0, "A")):
@@ -116,3 +134,11 @@ def test_events_are_in_the_row_after_them() -> None:
     table.add(0, Range(stamp=STAMP, slant_range=1.0))
     table.add(200, Range(stamp=STAMP, slant_range=1.0))
     assert table.columns()["events"] == [None, "flare; touch", "roll"]
+
+
+def test_a_session_of_years_is_refused() -> None:
+    table = Table()
+    table.add(0, Range(stamp=STAMP, slant_range=1.0))
+    table.add(10**11, Range(stamp=STAMP, slant_range=1.0))
+    with pytest.raises(RecordingError, match=r"1000000000 rows, .* at most"):
+        table.columns()
