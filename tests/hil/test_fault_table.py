@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from fti.errors import ConfigError, MissingError
 from fti.hil.scenario import load, load_config
 from fti.hil.scenario.fault_table import KINDS, parse
-from fti.hil.scenario.loading import FOLDER
+from fti.example_files import SCENARIOS
 from fti.hil.tables.fault_types import Burst, Cut, Fault, Forced, Invalid
 from fti.hil.tables.schema import Expectation
 from tests.helpers import ROOT
@@ -158,7 +158,7 @@ def test_an_expectation_has_the_type_of_what_is_written(message: str, value: boo
 
 
 def test_the_shipped_table_fits_its_configuration() -> None:
-    scenario = load(FOLDER / "table.toml")
+    scenario = load(SCENARIOS / "table.toml")
     assert load_config(scenario).path == str(ROOT / "configs" / "demo.toml")
     assert [fault.kind for fault in scenario.fault] == [
         "cut",

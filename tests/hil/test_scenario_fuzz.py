@@ -17,7 +17,7 @@ from fti.hil.scenario import Scenario, load, shipped_names
 from fti.hil.scenario.config_check import check
 from fti.hil.scenario.fault_table import KINDS, parse
 from fti.hil.scenario.fault_table_csv import COLUMNS
-from fti.hil.scenario.loading import FOLDER
+from fti.example_files import SCENARIOS
 from fti.hil.tables.fault_types import FaultKind
 
 REFUSED = contextlib.suppress(ConfigError, MissingError)
@@ -40,11 +40,11 @@ def keys() -> list[str]:
 @cache
 def demo() -> Config:
     """The configuration of the shipped scenarios."""
-    return config.load(FOLDER.parent / "demo.toml")
+    return config.load(SCENARIOS.parent / "demo.toml")
 
 
 #: Of the shipped scenarios, as they were when the tests began.
-TEXTS = [(FOLDER / f"{name}.toml").read_text() for name in shipped_names()]
+TEXTS = [(SCENARIOS / f"{name}.toml").read_text() for name in shipped_names()]
 VALUES = st.recursive(
     st.one_of(WORDS, NUMBERS, st.booleans(), st.none(), st.text(max_size=8)),
     lambda inner: st.one_of(
@@ -94,7 +94,7 @@ def test_a_shipped_scenario_with_a_piece_of_another_text_in_it(tmp_path_factory:
     end = min(begin + data.draw(st.integers(0, 12)), len(text))
     piece = data.draw(st.one_of(st.text(max_size=12), WORDS, NUMBERS.map(str)))
     file: Path = tmp_path_factory.getbasetemp() / "scenario.toml"
-    changed = (text[:begin] + piece + text[end:]).replace('"../', f'"{FOLDER.parent}/')
+    changed = (text[:begin] + piece + text[end:]).replace('"../', f'"{SCENARIOS.parent}/')
     file.write_bytes(changed.encode("utf-8", "surrogatepass"))
     with REFUSED:
         check(load(file), demo())

@@ -9,13 +9,12 @@ from typing import Any
 from fti import config as configuration
 from fti.config import Config
 from fti.errors import ConfigError, MissingError
+from fti.example_files import SCENARIOS
 from fti.hil.scenario.config_check import check
 from fti.hil.scenario.fault_table import read as read_profile
 from fti.hil.tables.fault_types import OffTrack, WholeFlightFault
 from fti.hil.tables.flights import ApproachFlight, RecordedFlight
 from fti.hil.tables.schema import Scenario
-
-FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
 
 
 def load(path: Path) -> Scenario:
@@ -58,7 +57,7 @@ def load_config(scenario: Scenario, path: Path | None = None) -> Config:
 
 def find(name_or_path: str) -> Path:
     """The file of a scenario given by path or by the name of a shipped one.  Raises MissingError."""
-    for candidate in (Path(name_or_path), FOLDER / f"{name_or_path}.toml"):
+    for candidate in (Path(name_or_path), SCENARIOS / f"{name_or_path}.toml"):
         if candidate.is_file():
             return candidate
     raise MissingError(f"unknown scenario {name_or_path!r}; allowed: a file, or one of {', '.join(shipped_names())}")
@@ -66,4 +65,4 @@ def find(name_or_path: str) -> Path:
 
 def shipped_names() -> list[str]:
     """Names of the shipped scenarios."""
-    return sorted(p.stem for p in FOLDER.glob("*.toml"))
+    return sorted(p.stem for p in SCENARIOS.glob("*.toml"))

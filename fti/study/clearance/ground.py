@@ -9,14 +9,14 @@ from fti.hil.approach_reference.approaches import NOMINAL, RA4500, Spread, Terra
 from fti.hil.approach_reference.range_map import MappedGround, map_ground
 from fti.hil.approach_reference.receivers import ReceiverVariant
 from fti.hil.environment import add_obstacles
-from fti.hil.scenario.loading import FOLDER
+from fti.example_files import SCENARIOS
 from fti.hil.tables.fault_types import Obstacle
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.reference import ApproachReference
 from fti.terrain.demo_scene import demo_scene
 from fti.terrain.terrain import Terrain
 
-PROFILES = FOLDER.parent / "profiles"
+PROFILES = SCENARIOS.parent / "profiles"
 #: Vegetation that does not occur in the calibration.
 VEGETATION = (0.85, 1.15)
 #: Receivers that the references do not contain: another pattern, one threshold outside their range (-13 to -3 dB).

@@ -1,0 +1,110 @@
+"""The wheel, installed without the repository and used by an ordinary user in a folder of his own."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from tests.helpers import ROOT
+from tests.packaging.build import build_sdist, build_wheel, install
+from tests.packaging.user import User, interpreter, user_id
+
+pytestmark = pytest.mark.e2e
+
+
+@pytest.fixture(scope="module")
+def user() -> Iterator[User]:
+    """The user, after installation; his folder is in /tmp, whose parents he may enter."""
+    with tempfile.TemporaryDirectory(prefix="fti-wheel-") as name:
+        folder, home = Path(name), Path(name, "home")
+        folder.chmod(0o755)
+        home.mkdir()
+        os.chown(home, user_id(), -1)
+        install(build_wheel(build_sdist(folder), folder), interpreter(), folder / "env")
+        yield User(home, folder / "env" / "bin")
+
+
+@pytest.fixture(scope="module")
+def session(user: User) -> Path:
+    """A session of the demonstration, which is the first thing that a user runs."""
+    user.run("fti", "demo", "--headless", "--duration", "12", "--out", "data")
+    (path,) = (user.home / "data").iterdir()
+    return path
+
+
+@pytest.fixture(scope="module")
+def configs(user: User) -> Path:
+    user.run("fti", "examples", "copy", "all", "configs")
+    return user.home / "configs"
+
+
+def files(folder: Path) -> dict[Path, bytes]:
+    return {file.relative_to(folder): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_every_example_comes_with_the_package(configs: Path) -> None:
+    assert files(configs) == files(ROOT / "configs")
+
+
+def test_every_scenario_is_known_by_name(user: User) -> None:
+    listed = [line.split()[0] for line in user.run("fti", "hil", "--list").splitlines()]
+    assert listed == sorted(file.stem for file in (ROOT / "configs" / "scenarios").glob("*.toml"))
+
+
+def test_the_demonstration_is_recorded_whole(user: User, session: Path) -> None:
+    assert "all holds" in user.run("fti", "verify", str(session))
+
+
+def test_reprocess_repeats_the_outputs(user: User, session: Path) -> None:
+    user.run("fti", "reprocess", str(session), "--as-flown", "--out", "again")
+    (again,) = (user.home / "again").iterdir()
+    assert "all holds" in user.run("fti", "verify", str(again))
+
+
+def test_export_writes_tables(user: User, session: Path) -> None:
+    user.run("fti", "export", str(session), "--format", "parquet", "--out", "tables")
+    assert pq.read_table(user.home / "tables" / "gnss_position.parquet").num_rows > 0
+
+
+def test_score_compares_with_the_truth(user: User, session: Path) -> None:
+    result = json.loads(user.run("fti", "score", "nominal", str(session), "--json"))
+    assert result["holds"]
+
+
+def test_the_emulator_feeds_a_daemon(user: User, configs: Path) -> None:
+    daemon = user.start("fti", "run", f"{configs}/demo.toml", "--links", "links", "--out", "own", "--duration", "15")
+    user.run("fti", "hil", f"{configs}/scenarios/nominal.toml", "--links", "links", "--duration", "5", "--wait")
+    assert daemon.wait(60) == 0, daemon.communicate()
+    (path,) = (user.home / "own").iterdir()
+    links = json.loads(user.run("fti", "info", str(path), "--json"))
+    assert links
+
+
+def test_a_replay_sends_the_recorded_bytes(user: User, session: Path) -> None:
+    report = user.home / "replay.json"
+    user.run("fti", "replay", str(session), "--links", "again_links", "--report", str(report), "--wait", "0")
+    assert json.loads(report.read_text())
+
+
+def test_decode_reads_a_capture(user: User) -> None:
+    capture = shutil.copy(ROOT / "tests" / "captures" / "ublox-8.log", user.home / "capture.log")
+    *_, counters = user.run("fti", "decode", str(capture), "--driver", "nmea0183", "--json").splitlines()
+    assert json.loads(counters)["counters"]["framed"] > 0
+
+
+def test_a_study_prints_its_target(user: User) -> None:
+    result = json.loads(user.run("fti", "study", "device_clock", "--runs", "2", "--json"))
+    assert result
+
+
+def test_a_missing_extra_is_named(user: User) -> None:
+    process = user.start("fti", "hil", "jsbsim_approach", "--plot", "flight.png")
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (2, 'fti: flights with kind = "jsbsim" need JSBSim: pip install "fti[jsbsim]"\n')

@@ -1,0 +1,65 @@
+"""A user who installed the program: a home of his own, no right to write to the program, nothing of the repository."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+NOBODY = 65534
+#: Interpreters to install for; an ordinary user must be able to run it.
+INTERPRETERS = (getattr(sys, "_base_executable", sys.executable), "/usr/bin/python3")
+TIMEOUT_S = 300.0
+
+
+def user_id() -> int:
+    """The user who runs the program: root becomes another one."""
+    return NOBODY if os.geteuid() == 0 else os.geteuid()
+
+
+def interpreter() -> str:
+    """An interpreter, new enough, that the user may run.  Raises AssertionError when there is none."""
+    for python in INTERPRETERS:
+        check = "import sys, venv; sys.exit(sys.version_info < (3, 11))"
+        try:
+            if subprocess.run([python, "-c", check], user=user_id(), cwd="/", check=False).returncode == 0:
+                return python
+        except OSError:
+            continue
+    raise AssertionError(f"none of {', '.join(INTERPRETERS)} is Python 3.11 or newer that user {user_id()} may run")
+
+
+@dataclass(frozen=True)
+class User:
+    """home : his folder, where he works; programs : the folder of the installed ``fti``"""
+
+    home: Path
+    programs: Path
+
+    @property
+    def _environment(self) -> Mapping[str, str]:
+        return {"HOME": str(self.home), "PATH": f"{self.programs}:/usr/bin:/bin", "LANG": "C.UTF-8"}
+
+    def start(self, *command: str) -> subprocess.Popen[str]:
+        """Start a command in his folder."""
+        return subprocess.Popen(
+            [self.programs / command[0], *command[1:]],
+            cwd=self.home,
+            env=self._environment,
+            user=user_id(),
+            group=user_id(),
+            extra_groups=[],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def run(self, *command: str, code: int = 0) -> str:
+        """Run a command that must end with an exit code; returns its output."""
+        process = self.start(*command)
+        out, errors = process.communicate(timeout=TIMEOUT_S)
+        assert process.returncode == code, f"{' '.join(command)}: exit code {process.returncode}\n{out}\n{errors}"
+        return out
