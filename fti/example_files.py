@@ -1,4 +1,4 @@
-"""The example files of the package: configurations and scenarios, the files that they name, udev rules, systemd unit."""
+"""The example files of the package: configurations, scenarios, the files that they name, udev rules, systemd unit."""
 
 from __future__ import annotations
 

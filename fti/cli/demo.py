@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
 from fti.cli._daemon import early_recorder, serve
+from fti.cli._printing import print_line
 
 if TYPE_CHECKING:
     import asyncio
@@ -29,12 +30,12 @@ if TYPE_CHECKING:
     from fti.config import Config
     from fti.service.supervisor.process import Supervisor
 
-EMULATOR_END_TIMEOUT_S = 10.0
+EMULATOR_END_TIMEOUT_S, NOTICE_PERIOD_S = 10.0, 10.0
 #: Configuration file of the demonstration, in the folder of the emulator's ports.
 CONFIG = "demo.toml"
 #: Keys in it that name a file or an address.
 NAMED_FILE = re.compile(r'((?:profile|\w+_file) = )"([^"]+)"')
-BOUND_PORT = re.compile(r'(bind = "127\.0\.0\.1:)\d+"')
+BOUND_PORT = re.compile(r'(bind = "127\.0\.0\.1:)(\d+)"')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,6 +67,8 @@ def run(args: argparse.Namespace) -> int:
                 await supervisor.display_ready.wait()
                 await asyncio.to_thread(open_browser, supervisor.run_dir)  # the address is printed in any case
             on_begin = _end_timer(args.duration)
+            supervisor.suppress_sensor_alarms()
+            await _wait_for_navigation(supervisor)
             while True:
                 await _run_flight(scenario, file, links, supervisor, on_begin)
                 await supervisor.readmit_all("the demonstration, after a flight")  # the next one begins far away
@@ -76,7 +79,8 @@ def run(args: argparse.Namespace) -> int:
 def _copy_on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:
     """A copy of the scenario's configuration in ``folder`` that binds free ports; file and text.
 
-    Two demonstrations must not receive each other's sensors.
+    Two demonstrations must not receive each other's sensors.  A configured port that is free stays: then the recording
+    can be replayed to a daemon with the configuration.
     """
     import socket
 
@@ -86,7 +90,10 @@ def _copy_on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:
 
     def on_free_port(found: re.Match[str]) -> str:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-            sock.bind(("127.0.0.1", 0))
+            try:
+                sock.bind(("127.0.0.1", int(found[2])))
+            except OSError:
+                sock.bind(("127.0.0.1", 0))
             return f'{found[1]}{sock.getsockname()[1]}"'
 
     moved = BOUND_PORT.sub(on_free_port, text)
@@ -104,6 +111,17 @@ def _configure(file: Path, text: str, links: str, out: str) -> Config:
     config = configuration.parse(tomllib.loads(text), text, file)
     moved = configuration.with_session(configuration.with_links(config, links), directory=out, origin="hil")
     return moved.model_copy(update={"display": moved.display.model_copy(update={"port": 0})})
+
+
+async def _wait_for_navigation(supervisor: Supervisor) -> None:
+    """Wait until navigation runs; on a new machine it compiles first."""
+    import asyncio
+
+    while not supervisor.navigation_ready.is_set():
+        try:
+            await asyncio.wait_for(supervisor.navigation_ready.wait(), NOTICE_PERIOD_S)
+        except TimeoutError:
+            print_line("navigation is being compiled (first start only, about a minute)", error=True, flush=True)
 
 
 def _end_timer(duration_s: float | None) -> Callable[[], None]:
@@ -125,10 +143,12 @@ def _end_timer(duration_s: float | None) -> Callable[[], None]:
     return on_begin
 
 
-async def _end(emulator: asyncio.subprocess.Process) -> None:
-    """Terminate the emulator; kill it after a timeout."""
+async def _end(emulator: asyncio.subprocess.Process, *, is_ready: bool) -> None:
+    """Terminate the emulator; kill it after a timeout, or if its ports do not exist yet."""
     import asyncio
 
+    if not is_ready:  # it has sent nothing yet, and may be compiling
+        emulator.kill()
     emulator.terminate()
     try:
         await asyncio.wait_for(emulator.wait(), EMULATOR_END_TIMEOUT_S)
@@ -160,8 +180,11 @@ async def _run_flight(
         process_group=0,
     )
     assert emulator.stdout
+    is_ready = False
     try:
         if await emulator.stdout.readline():
+            is_ready = True
+            print_line("flying; Ctrl-C ends", flush=True)
             supervisor.resume_sensor_alarms()
             on_begin()
         async for line in emulator.stdout:  # the report follows, which is also in a file
@@ -170,7 +193,7 @@ async def _run_flight(
         code = await emulator.wait()
     except asyncio.CancelledError:
         supervisor.expect_end()
-        await _end(emulator)
+        await _end(emulator, is_ready=is_ready)
         raise
     if code:
         raise FtiError(f"the emulator ended with exit code {code}")

@@ -121,7 +121,7 @@ class Emulator:
         """
         if self._sensors is not None:
             return
-        progress(f"terrain of {self.scenario.airfield}")
+        progress(f"preparing terrain of {self.scenario.airfield}")
         self._world = self._world or make_environment(self.scenario, progress)
         for remark in self._world.remarks:
             progress(remark)
@@ -130,7 +130,7 @@ class Emulator:
         check_fault_quantities(self._sensors, self._world)
         check_fault_effects(self._sensors, self._world)
         if self._truth:
-            progress("truth")
+            progress("preparing truth file")
             altimeters = [device for device in self.config.device if device.altimeter]
             rates, intended = sent_rates(self._sensors), intended_values(self._sensors)
             self._truth_rows = TruthRows(self._world, altimeters, rates, intended, until_s)

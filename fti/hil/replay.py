@@ -11,13 +11,13 @@ from __future__ import annotations
 import asyncio
 import struct
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from fti.config import Config
+from fti.config import Config, LinkTable, UdpLink
 from fti.errors import MissingError
 from fti.hil.ports.endpoints import Endpoint, make_endpoint, open_endpoints, run_until
 from fti.hil.prefetch_process import SECOND_NS, PrefetchProcess, PrefetchRequest
@@ -29,6 +29,8 @@ from fti.messages.frames import RawFrame
 
 #: A replay has held its speed when its last frame was late by at most this time, or this share of its duration.
 MAX_LATE_S, MAX_LATE_SHARE = 0.02, 0.001
+#: A link without a reader is reported after this time [s].
+WAIT_NOTICE_S = 2.0
 
 
 class Replay:
@@ -98,13 +100,30 @@ class Replay:
         stop: asyncio.Event,
         progress: Callable[[str], None],
     ) -> None:
-        await _wait_for_readers(self._endpoints, progress)
+        for link in self._links:
+            await self._wait_for_reader(link, progress)
         await asyncio.sleep(self._wait_s)
         self._stream = FrameStream(frames, self._endpoints, self.replay_clock, self._speed, progress)
         self.replay_clock.start()
         await self._scheduler.run([self._stream], stop)
         for endpoint in self._endpoints.values():
             await endpoint.drain()
+
+    async def _wait_for_reader(self, link: LinkTable, progress: Callable[[str], None]) -> None:
+        """Wait for the daemon to open a link; say after a moment what is waited for, and what to do."""
+        waiting = asyncio.create_task(self._endpoints[link.name].wait_for_reader())
+        try:
+            await asyncio.wait([waiting], timeout=WAIT_NOTICE_S)
+            if not waiting.done():
+                progress(f"{link.name}: waiting for a program that opens {self._describe_port(link)}")
+            await waiting
+        finally:
+            waiting.cancel()
+
+    def _describe_port(self, link: LinkTable) -> str:
+        if isinstance(link, UdpLink):
+            return f"{link.bind}; a daemon with another address needs its configuration here, too: --config CONFIG"
+        return f"{self._folder / link.name}; start the daemon with --links {self._folder}"
 
     def _speed_problem(self) -> list[str]:
         """A message when the requested speed was not reached."""
@@ -113,12 +132,6 @@ class Replay:
             return []
         reached = self._speed * stream.elapsed_s / (stream.elapsed_s + stream.last_late_s)
         return [f"speed {reached:.3g} was reached, {self._speed:g} was requested"]
-
-
-async def _wait_for_readers(endpoints: Mapping[str, Endpoint], progress: Callable[[str], None]) -> None:
-    for name, endpoint in endpoints.items():
-        progress(f"waiting for a reader of {name}")
-        await endpoint.wait_for_reader()
 
 
 def length_s(recording: Recording) -> float | None:

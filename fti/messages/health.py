@@ -25,7 +25,7 @@ from fti.messages.units import (
 class SessionHealth(Message, kw_only=True):
     """The session.
 
-    state       : recording, waiting (for the first file), storage_error, stopping
+    state       : recording, waiting (for the first file), storage_error, stopping, stopped
     accelerated : flights in memory have it, and no mode
     """
 

@@ -141,7 +141,10 @@ class LiveState:
         return int(to_number(self._health.fields["t_ns"])) + now_ns - self._health.at_ns
 
     def _daemon_alarms(self, now_ns: int) -> Iterator[dict[str, Any]]:
-        """The alarm that the daemon is silent."""
+        """The alarm that the daemon is silent, unless it has said that its session has ended."""
+        session = self._health.fields.get("session") if self._health else None
+        if isinstance(session, Mapping) and session.get("state") == "stopped":
+            return
         silence_ms = (self._health or self._started).elapsed_ms(now_ns)
         if silence_ms <= HEALTH_LIMIT_MS and self._alive.get("supervisor", True):
             return

@@ -139,7 +139,9 @@ class PageServer:
         return chosen
 
     async def stop(self) -> None:
-        """Close every connection and stop listening."""
+        """Close every connection, after it got the last state, and stop listening."""
+        if self._sockets:
+            await asyncio.sleep(2 * PERIOD_S)
         self._limits.stop()
         if self._runner:
             await self._runner.cleanup()

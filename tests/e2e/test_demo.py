@@ -31,6 +31,7 @@ def _messages(path: Path) -> list[tuple[Schema | None, Channel, Message]]:
 def test_the_demonstration_leaves_what_it_promises(tmp_path: Path) -> None:
     done = fti("demo", "--headless", "--duration", "12", "--out", str(tmp_path), "--run-dir", str(tmp_path / "run"))
     assert done.returncode == 0, done.stderr
+    assert "warning" not in done.stdout + done.stderr
     assert re.search(r"^display at http://127\.0\.0\.1:\d+/$", done.stdout, re.MULTILINE)  # to no terminal: without key
     (session,) = tmp_path.glob("demo_*")
     (raw,) = session.glob(f"{session.name}_0*.mcap")
@@ -57,6 +58,7 @@ def test_the_next_flight_begins_far_away_and_is_navigated_again(tmp_path: Path) 
     arguments = ("--headless", "--scenario", str(scenario), "--duration", "30", "--out", str(tmp_path / "out"))
     done = fti("demo", *arguments, "--run-dir", str(tmp_path / "run"))
     assert done.returncode == 0, done.stderr
+    assert "warning" not in done.stdout + done.stderr
     (session,) = (tmp_path / "out").glob("demo_*")
     (truth,) = session.glob("*_truth_001.mcap")
     rows_ns = [message.log_time for _, channel, message in _messages(truth) if channel.topic == TOPIC]

@@ -78,6 +78,10 @@ async def test_the_page_shows_the_flight_and_every_end_of_it(tmp_path: Path) -> 
                 await page.wait_for("document.body.classList.contains('disconnected')", LONG_S)
                 text = f"getComputedStyle({by_testid('no-connection')}).display !== 'none'"
                 assert await page.eval(text)
+                assert await page.eval("document.getElementById('no-connection-title').textContent") == "STOPPED"
+                assert await page.text("recording") == "STOPPED"
+                assert not await page.eval("document.body.classList.contains('daemon-stopped')")
+                await page.screenshot(tmp_path / "stopped.png")
                 site = address.partition("#")[0]
                 local = (site, site.replace("http:", "ws:"))
                 assert page.requests

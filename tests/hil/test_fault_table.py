@@ -10,9 +10,9 @@ import pytest
 from pydantic import TypeAdapter
 
 from fti.errors import ConfigError, MissingError
+from fti.example_files import SCENARIOS
 from fti.hil.scenario import load, load_config
 from fti.hil.scenario.fault_table import KINDS, parse
-from fti.example_files import SCENARIOS
 from fti.hil.tables.fault_types import Burst, Cut, Fault, Forced, Invalid
 from fti.hil.tables.schema import Expectation
 from tests.helpers import ROOT

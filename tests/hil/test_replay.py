@@ -24,7 +24,7 @@ import pytest
 from fti import config as configuration
 from fti.canframe import pack_can
 from fti.cli._emulator_run import run_until_stopped
-from fti.config import Config
+from fti.config import Config, UdpLink
 from fti.errors import MissingError
 from fti.hil.prefetch_process import select_frames
 from fti.hil.replay import Replay, length_s
@@ -170,10 +170,26 @@ async def test_it_waits_for_readers_and_ends_on_request(tmp_path: Path) -> None:
     replay = Replay(recording, recorded_config(recording, session), links)
     stop, messages = asyncio.Event(), list[str]()
     playing = asyncio.create_task(replay.run(stop, messages.append))
-    await until_async(lambda: messages == ["waiting for a reader of line"])
+    remedy = f"line: waiting for a program that opens {links}/line; start the daemon with --links {links}"
+    await until_async(lambda: messages == [remedy])
     assert not playing.done()
     stop.set()
     assert (await playing).lateness.messages == 0
+
+
+async def test_it_names_the_address_that_nobody_has_bound(tmp_path: Path) -> None:
+    session = record(tmp_path, with_free_ports(CONFIG), list(frames(10)))
+    recording = Recording.open(session)
+    config = recorded_config(recording, session)
+    replay = Replay(recording, config, tmp_path / "links", only=["eth"])
+    stop, messages = asyncio.Event(), list[str]()
+    playing = asyncio.create_task(replay.run(stop, messages.append))
+    (address,) = [link.bind for link in config.link if isinstance(link, UdpLink)]
+    await until_async(lambda: bool(messages))
+    assert messages[0].startswith(f"eth: waiting for a program that opens {address}; ")
+    assert messages[0].endswith("--config CONFIG")
+    stop.set()
+    await playing
 
 
 async def test_it_ends_when_the_last_byte_has_been_read(tmp_path: Path) -> None:

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from fti import config
 from fti.config import Config, StrictModel
 from fti.errors import ConfigError, MissingError
+from fti.example_files import SCENARIOS
 from fti.hil.scenario import Scenario, load, shipped_names
 from fti.hil.scenario.config_check import check
 from fti.hil.scenario.fault_table import KINDS, parse
 from fti.hil.scenario.fault_table_csv import COLUMNS
-from fti.example_files import SCENARIOS
 from fti.hil.tables.fault_types import FaultKind
 
 REFUSED = contextlib.suppress(ConfigError, MissingError)

@@ -107,4 +107,7 @@ def test_a_study_prints_its_target(user: User) -> None:
 def test_a_missing_extra_is_named(user: User) -> None:
     process = user.start("fti", "hil", "jsbsim_approach", "--plot", "flight.png")
     _, errors = process.communicate(timeout=60)
-    assert (process.returncode, errors) == (2, 'fti: flights with kind = "jsbsim" need JSBSim: pip install "fti[jsbsim]"\n')
+    assert (process.returncode, errors) == (
+        2,
+        'fti: flights with kind = "jsbsim" need JSBSim: pip install "fti[jsbsim]"\n',
+    )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, Self
 
 import pytest
 
@@ -21,11 +23,22 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The input of compiler processes."""
     texts: list[str] = []
 
-    def run(command: list[str], *, input: str, **_: Any) -> None:
-        assert command == [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
-        texts.append(input)
+    class Compiler:
+        """A process that keeps what it reads, and ends at once."""
 
-    monkeypatch.setattr(subprocess, "run", run)
+        def __init__(self, command: list[str], **_: Any) -> None:
+            assert command == [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
+            self.stdin = SimpleNamespace(write=texts.append, close=lambda: None)
+
+        def __enter__(self) -> Self:
+            return self
+
+        def __exit__(self, *_: object) -> None: ...
+
+        def poll(self) -> int:
+            return 0
+
+    monkeypatch.setattr(subprocess, "Popen", Compiler)
     return texts
 
 
@@ -61,9 +74,10 @@ def test_a_daemon_that_navigates_by_nothing_starts_without_kernels(
     demo: Config, started: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(kernel, "is_cached", lambda _: False)
-    navigation._load_kernels(demo.model_copy(update={"nav": Nav()}))
+    assert navigation._load_kernels(demo.model_copy(update={"nav": Nav()}), lambda: True)
     assert started == []
-    navigation._load_kernels(without(demo, "filter", "approach", "terrain"))  # its receivers are tested by their ranges
+    tested = without(demo, "filter", "approach", "terrain")  # its receivers are tested by their ranges
+    assert navigation._load_kernels(tested, lambda: True)
     assert len(started) == 1
 
 
@@ -72,3 +86,18 @@ def test_the_process_compiles_what_navigation_uses(demo: Config) -> None:
     done = subprocess.run(command, input=demo.model_dump_json(), capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert all(kernel.is_cached(one) for one in kernel_compiler._kernels(demo))
+
+
+def test_the_process_is_killed_when_its_result_is_no_longer_needed(
+    demo: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    processes, start = list[subprocess.Popen[str]](), subprocess.Popen
+
+    def popen(*arguments: Any, **keys: Any) -> subprocess.Popen[str]:
+        processes.append(start(*arguments, **keys))
+        return processes[0]
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    monkeypatch.setattr(kernel, "is_cached", lambda _: False)
+    assert not navigation._load_kernels(demo, lambda: False)
+    assert [process.wait() for process in processes] == [-signal.SIGKILL]

@@ -33,7 +33,7 @@ def test_a_lasting_state_is_reported_once_and_so_is_its_end() -> None:
 
 
 def test_another_trouble_is_reported_too() -> None:
-    assert [text for _, text, _ in follow((0.0, "absent"), (5.0, "denied"))] == ["absent: why", "denied: why"]
+    assert [text for _, text, _ in follow((0.0, "absent"), (7.0, "denied"))] == ["absent: why", "denied: why"]
 
 
 def test_a_moment_and_what_is_wrong_with_the_bytes_are_not() -> None:
@@ -49,3 +49,39 @@ def test_it_is_an_event_for_terminal_and_file() -> None:
         event_publisher.health({"t_ns": t_ns, "links": {"eth": link}}, record=False)
     assert lines == ["warning: eth: busy: 127.0.0.1:1: in use by another program"]
     assert [note.event.source for note in notes] == ["eth"]
+
+
+def test_ports_of_sensors_that_are_off_are_no_warning() -> None:
+    link_events, events = LinkEvents(), list[tuple[float, str, str]]()
+
+    def follow(name: str, until_s: float, state: str) -> None:
+        for tenth in range(round(until_s * 10)):
+            t_ns = begin_ns + tenth * SECOND_NS // 10
+            for level, _, text in link_events.update({name: {"state": state, "hint": "why"}}, t_ns):
+                events.append(((t_ns - begin_ns) / SECOND_NS, level, text))
+
+    begin_ns = 0
+    link_events.expect_changes(True, begin_ns)
+    follow("opens", 5.0, "absent")
+    follow("stays", 5.0, "absent")
+    assert events == [(4.0, "info", "absent: why")] * 2
+    begin_ns = 5 * SECOND_NS
+    link_events.expect_changes(False, begin_ns)
+    follow("opens", 5.0, "good")
+    follow("stays", 5.0, "absent")
+    assert events[2:] == [(4.0, "info", "the port is open now"), (4.0, "warning", "absent: why")]
+
+
+def test_warnings_are_not_shown_while_the_sensors_are_off() -> None:
+    lines, notes = list[str](), list[Any]()
+    event_publisher = EventPublisher(FakeClock(), lambda topic, payload: None, lines.append, notes.append)
+    for are_off in (True, False):
+        event_publisher.set_sensors_off(are_off)
+        for level in ("info", "warning", "error"):
+            event_publisher.publish_event(level, "nav", f"sensors off: {are_off}")
+    assert lines == [
+        "error: nav: sensors off: True",
+        "warning: nav: sensors off: False",
+        "error: nav: sensors off: False",
+    ]
+    assert len(notes) == 6  # all are recorded

@@ -110,6 +110,16 @@ def test_a_silent_daemon_is_an_alarm_above_its_own_alarms(ends: str) -> None:
     assert alarm_ids(live, 2001 * MS) == ["daemon", "integrity_alert"]
 
 
+@pytest.mark.parametrize(
+    ("session", "expected"), [({"state": "stopped"}, []), ({"state": "x"}, ["daemon"]), (3, ["daemon"])]
+)
+def test_the_end_of_the_session_is_no_alarm(session: object, expected: list[str]) -> None:
+    live = LiveState(0)
+    live.update("/health", {"t_ns": 0, "session": session}, 0)
+    live.set_alive("supervisor", False)
+    assert alarm_ids(live, 5000 * MS) == expected
+
+
 def test_fti_time_goes_on_from_the_last_health() -> None:
     live = LiveState(0)
     assert live.state(0)["t_ns"] is None

@@ -97,7 +97,7 @@ def make_sensors(
                 f"{config.path}: device {device.name!r}: no sensor model for driver {device.driver!r}; "
                 f"available: {known}"
             )
-        progress(f"sensor {device.name}")
+        progress(f"preparing sensor {device.name}")
         sensors.append(SimulatedSensor(bound, MODELS[device.driver], world, seed))
     return sensors
 

@@ -6,17 +6,21 @@ import argparse
 import contextlib
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from fti.buffers.ring import Ring
 from fti.clock import SystemClock
 from fti.config import Config, position_sources
 from fti.logger.file_mode import set_file_mode
 from fti.messages.control import ToNavigation
+from fti.messages.outputs import Event
 from fti.service.control_channel import await_startup
 from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
 from fti.service.navigation.process import NavigationProcess
 from fti.service.startup import NavigationStartup
+
+NOT_COMPILED = "the session ended while navigation was compiled (first start only); fti reprocess computes its outputs"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -32,21 +36,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         channel, text, ring_fds = received
         startup = NavigationStartup.model_validate_json(text)
         set_file_mode(int(startup.config.session.file_mode, 8))
-        _load_kernels(startup.config)
-        NavigationProcess(startup, SystemClock(startup.epoch_ns), channel, ring_fds).run()
+        ring, clock = Ring.attach(ring_fds), SystemClock(startup.epoch_ns)
+        if _load_kernels(startup.config, lambda: not ring.has_ended):
+            NavigationProcess(startup, clock, channel, ring).run()
+        else:
+            channel.send(Event(t_ns=clock.now_ns(), level="warning", source="navigation", text=NOT_COMPILED))
     return 0
 
 
-def _load_kernels(config: Config) -> None:
+def _load_kernels(config: Config, is_needed: Callable[[], bool]) -> bool:
     """Load all kernels but those of the terrain before the first frame; frames wait in the ring meanwhile.
 
-    Without a source of position, filter and approach none is used: such a daemon starts at once.
+    Without a source of position, filter and approach none is used: such a daemon starts at once.  Returns False if
+    they had to be compiled, and were no longer needed.
     """
     if position_sources(config.nav) or config.nav.filter or config.nav.approach:
         from fti.nav.kernel_warmup import warm_up  # noqa: PLC0415 - filter, integrity, terrain: only loaded if needed
 
-        ensure_kernels_compiled(config)
+        if not ensure_kernels_compiled(config, is_needed):
+            return False
         warm_up(config, None)
+    return True
 
 
 def _end_before_recorder() -> None:

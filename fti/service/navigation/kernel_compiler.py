@@ -11,6 +11,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from fti.config import Config
@@ -20,15 +22,26 @@ if TYPE_CHECKING:
 
 #: Recorder and navigation take precedence.
 NICENESS = 10
+POLL_PERIOD_S = 0.05
 
 
-def ensure_kernels_compiled(config: Config) -> None:
-    """Compile the kernels that are not in the cache, and wait for it."""
+def ensure_kernels_compiled(config: Config, is_needed: Callable[[], bool] = lambda: True) -> bool:
+    """Compile the kernels that are not in the cache, and wait for it while ``is_needed``; False if it was aborted."""
     from fti.kernel import is_cached  # noqa: PLC0415 - numba: only loaded if needed
 
-    if not all(is_cached(kernel) for kernel in _kernels(config)):
-        command = [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
-        subprocess.run(command, input=config.model_dump_json(), text=True, check=False)
+    if all(is_cached(kernel) for kernel in _kernels(config)):
+        return True
+    command = [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, text=True) as process:
+        assert process.stdin
+        process.stdin.write(config.model_dump_json())
+        process.stdin.close()
+        while process.poll() is None:
+            if not is_needed():
+                process.kill()
+                return False
+            time.sleep(POLL_PERIOD_S)
+    return True
 
 
 def _kernels(config: Config) -> list[Any]:

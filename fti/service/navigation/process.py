@@ -54,13 +54,11 @@ ORPHAN_S = 10.0
 class NavigationProcess:
     """Consumes the ring until its end mark."""
 
-    def __init__(
-        self, startup: NavigationStartup, clock: SystemClock, channel: ControlChannel, ring_fds: tuple[int, int]
-    ) -> None:
+    def __init__(self, startup: NavigationStartup, clock: SystemClock, channel: ControlChannel, ring: Ring) -> None:
         config = startup.config
         self._clock = clock
         self._channel = channel
-        self._ring = Ring.attach(ring_fds)
+        self._ring = ring
         self._reader = RingReader(self._ring)
         self._links = [link.name for link in config.link]
         self._devices = bind_devices(config, startup.texts)

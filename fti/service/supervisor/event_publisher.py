@@ -30,14 +30,18 @@ class EventPublisher:
         self._announce = announce
         self._record_note = record_note
         self._links = LinkEvents()
+        self._are_sensors_off = False
 
     def publish_event(self, level: str, source: str, text: str) -> None:
         """Publish an event of now.  level : info, warning or error"""
         self.forward_event(Event(t_ns=self._clock.now_ns(), level=level, source=source, text=text))
 
     def forward_event(self, event: Event, who: str = "") -> None:
-        """Publish an event of this process or of a child.  who : the user who caused it, if known; recorded"""
-        if event.level != "info":
+        """Publish an event of this process or of a child.  who : the user who caused it, if known; recorded
+
+        The user does not see warnings while the sensors are off.
+        """
+        if event.level == "error" or (event.level == "warning" and not self._are_sensors_off):
             self._announce(f"{event.level}: {event.source}: {event.text}")
         self._publish(BUS_EVENT, encode_event(to_table(event)))
         self._record_note(EventNote(event, who))
@@ -45,6 +49,11 @@ class EventPublisher:
     def report(self, unit: str, error: Exception) -> None:
         """Publish the failure of a guarded unit."""
         self.publish_event("error", unit, f"{type(error).__name__}: {error}")
+
+    def set_sensors_off(self, are_off: bool) -> None:
+        """Set whether the sensors are off: then absent ports and sources are expected."""
+        self._are_sensors_off = are_off
+        self._links.expect_changes(are_off, self._clock.now_ns())
 
     def health(self, health: dict[str, Any], *, record: bool) -> None:
         """Publish health, and record it if record is set; publish the link events."""

@@ -7,8 +7,8 @@ from typing import Any
 
 from fti.messages.frames import LinkState
 
-#: A state is reported after this time; a device that is switched on with the computer needs a moment.
-MIN_DURATION_NS = 2_000_000_000
+#: A state is reported after this time: twice the longest time between two attempts to open a port.
+MIN_DURATION_NS = 4_000_000_000
 DOWN_STATES = frozenset({LinkState.ABSENT, LinkState.DENIED, LinkState.BUSY})
 
 
@@ -17,7 +17,16 @@ class LinkEvents:
 
     def __init__(self) -> None:
         self._states: dict[str, tuple[str | None, int]] = {}
-        self._reported: dict[str, str | None] = {}
+        self._reported: dict[str, tuple[str | None, str]] = {}
+        self._level = "warning"
+
+    def expect_changes(self, is_expected: bool, now_ns: int) -> None:
+        """Set whether ports are absent because the sensors are off: such events have the level info.
+
+        A port that is still absent afterwards is reported after the usual time.
+        """
+        self._level = "info" if is_expected else "warning"
+        self._states = {name: (state, now_ns) for name, (state, _) in self._states.items()}
 
     def update(self, links: Mapping[str, Mapping[str, Any]], now_ns: int) -> Iterator[tuple[str, str, str]]:
         """Level, source and text of each event that is due.  links : health by name, at now_ns."""
@@ -27,7 +36,12 @@ class LinkEvents:
             if trouble != state:
                 since_ns = now_ns
             self._states[name] = trouble, since_ns
-            if trouble == self._reported.get(name) or now_ns - since_ns < MIN_DURATION_NS:
+            reported, level = self._reported.get(name, (None, self._level))
+            is_new = trouble != reported or (trouble and self._level == "warning" != level)
+            if not is_new or now_ns - since_ns < MIN_DURATION_NS:
                 continue
-            self._reported[name] = trouble
-            yield "warning", name, f"{trouble}: {link['hint']}" if trouble else "the port is open now"
+            self._reported[name] = trouble, self._level
+            if trouble:
+                yield self._level, name, f"{trouble}: {link['hint']}"
+            else:
+                yield level, name, "the port is open now"

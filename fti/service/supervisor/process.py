@@ -106,7 +106,7 @@ class Supervisor:
         self.recording_started = asyncio.Event()
         self.failed = False
         self.loss: str | None = None
-        self.display_ready = asyncio.Event()
+        self.display_ready, self.navigation_ready = asyncio.Event(), asyncio.Event()
         self._page = PageAccess(config.display.address, shows_key=shows_key)
         self._zenoh_port = choose_port(config.bus.port) if config.bus.enabled else None
         self._run_dir = run_directory.make(config.session.name, run_dir)
@@ -215,14 +215,17 @@ class Supervisor:
     def suppress_sensor_alarms(self) -> None:
         """Suppress sensor alarms until ``resume_sensor_alarms``: the caller starts or has stopped the sensors."""
         self._alarms.suppress_device_alarms()
+        self._event_publisher.set_sensors_off(True)
 
     def resume_sensor_alarms(self) -> None:
         """The sensors run: a silent one is an alarm after the usual time."""
         self._alarms.resume_device_alarms()
+        self._event_publisher.set_sensors_off(False)
 
     def expect_end(self) -> None:
         """Suppress alarms at the end: the sensors stop before the session."""
         self._alarms.end()
+        self._event_publisher.set_sensors_off(True)
 
     async def readmit_all(self, who: str) -> None:
         """Reset navigation for a new flight."""
@@ -362,6 +365,8 @@ class Supervisor:
 
     def _on_ready(self, child: Child, fault: str | None) -> None:
         child.state = ProcessState.RUNNING
+        if child.name == NAVIGATION:
+            self.navigation_ready.set()
         if child.name == RECORDER and fault and not self.recording_started.is_set():
             self._announce(f"error: storage: {fault}")
             self.failed = True
@@ -415,7 +420,10 @@ class Supervisor:
         self._command_tracker.close()
         self._alarms.end()
         self._board.session["state"] = "stopping"
-        await self._shutdown.end_children()
+        await self._shutdown.end_recording()
+        self._board.session["state"] = "stopped"
+        self._event_publisher.health(self._board.compose(self._clock.now_ns(), self._children), record=False)
+        await self._shutdown.end_display()
         self.loss = self._result.describe_loss(self.folder.path)
         if self.loss is None:
             self._announce(f"recorded {self.folder.path}")

@@ -44,13 +44,16 @@ class SessionShutdown:
         self._session_storage = session_storage
         self._announce = announce
 
-    async def end_children(self) -> None:
-        """End recorder, navigation and display; no child is restarted."""
+    async def end_recording(self) -> None:
+        """End recorder and navigation; no child is restarted."""
         self._child_monitor.stopping = True
-        recorder, navigation, *display = self._children
+        recorder, navigation, *_ = self._children
         await self._end_recorder(recorder)
         await self._end_child(navigation, Hurry(), NAVIGATION_END_S)
-        for child in display:
+
+    async def end_display(self) -> None:
+        """End the processes that show the recording."""
+        for child in self._children[2:]:
             if child.channel:
                 child.channel.send(Stop())
             await self._end_child(child, Stop(), DISPLAY_END_S)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 import math
 
+from fti.example_files import SCENARIOS
 from fti.hil.approach_reference.approaches import NOMINAL, RA4500, Spread, TerrainGround
 from fti.hil.approach_reference.range_map import MappedGround, map_ground
 from fti.hil.approach_reference.receivers import ReceiverVariant
 from fti.hil.environment import add_obstacles
-from fti.example_files import SCENARIOS
 from fti.hil.tables.fault_types import Obstacle
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.reference import ApproachReference

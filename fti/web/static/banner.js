@@ -9,7 +9,7 @@ const ORIGINS = {
   flight: ["FLIGHT", ""],
 };
 const MODES = { snapshot: ["SNAPSHOT", "only data around a trigger are recorded"] };
-const RECORDING = { waiting: "WAITING", recording: "RECORDING", storage_error: "NOT RECORDING", stopping: "STOPPING" };
+const RECORDING = { waiting: "WAITING", recording: "RECORDING", storage_error: "NOT RECORDING", stopping: "STOPPING", stopped: "STOPPED" };
 
 // A snapshot session records nothing between the triggers.
 const stateOf = ({ state, mode }, snapshot) =>

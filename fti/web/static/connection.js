@@ -19,6 +19,7 @@ export class Connection {
     this.onPermission = onPermission;
     this.lastAt = null; // time of the last message, for the age
     this.open = false;
+    this.stopped = false; // the session has ended, as the daemon said
     this.key = takeKey();
     this.waiting = new Map(); // resolver of the answer by command number
     this.commands = 0;
@@ -54,6 +55,7 @@ export class Connection {
       const isFirst = !this.open;
       this.lastAt = Date.now();
       this.open = true;
+      if (message.health) this.stopped = message.health.session.state === "stopped";
       if (isFirst) this.#askPermission();
       if (message.type === "answer") this.#answer(message.id, message.fault);
       else this.onMessage(message);
@@ -80,11 +82,15 @@ export class Connection {
   #watch() {
     const lost = !this.open || this.#isSilent();
     setClass(document.body, "disconnected", lost);
-    if (lost) setText(document.getElementById("no-connection-text"), this.#since());
+    setClass(document.body, "stopped", this.stopped);
+    if (!lost) return;
+    setText(document.getElementById("no-connection-title"), this.stopped ? "STOPPED" : "NO CONNECTION TO THE DAEMON");
+    setText(document.getElementById("no-connection-text"), this.#since());
   }
 
   #since() {
     if (this.lastAt === null) return "connecting; no data received yet";
+    if (this.stopped) return `the session has ended at ${clock(this.lastAt * 1e6)} UTC; these were its last values`;
     const seconds = Math.round((Date.now() - this.lastAt) / 1000);
     return `values are frozen since ${clock(this.lastAt * 1e6)} UTC (${seconds} s)`;
   }
