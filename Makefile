@@ -5,6 +5,8 @@
 #   make quick    the fast tests, in a minute
 #   make check    style, types, layers
 #   make bench    every benchmark; what they print goes into docs/benchmarks.md, too
+#   make wheel    build source archive and wheel below dist
+#   make deb      build the Debian package below dist
 #   make docs     generate docs/faults.md and docs/topics.md
 #   make soak     the tests again, at full scale
 #   make lock     choose the versions anew from pyproject.toml (needs uv)
@@ -14,7 +16,7 @@ READY := .venv/.installed
 BESIDE := .venv/.bench-installed
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: demo test quick check bench docs soak lock
+.PHONY: demo test quick check bench docs soak lock wheel deb
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -43,11 +45,21 @@ docs: $(READY)
 soak: $(READY)
 	$(PYTEST) --scale full --timeout 3600
 
+wheel: $(READY)
+	$(BIN)/python packaging/build_wheel.py dist
+
+deb: wheel
+	PYTHON=$(BIN)/python packaging/build_deb dist/*.whl dist
+
 lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv (https://docs.astral.sh/uv) on the path" >&2; exit 2; }
 	uv pip compile pyproject.toml --universal --generate-hashes --no-header --extra test --output-file requirements.lock
 	uv pip compile pyproject.toml --universal --generate-hashes --no-header --extra bench \
 		--constraint requirements.lock --output-file requirements-bench.lock
+	for python in 3.11 3.12 3.13; do for machine in x86_64 aarch64; do \
+		uv pip compile pyproject.toml --quiet --only-binary :all: --python-version $$python \
+			--python-platform $$machine-manylinux_2_28 >/dev/null || exit 1; \
+	done; done
 
 # PYTHON=... chooses the interpreter; otherwise the first of these that runs and is new enough.
 CANDIDATES := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import tempfile
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,22 +12,21 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.helpers import ROOT
-from tests.packaging.build import build_sdist, build_wheel, install
-from tests.packaging.user import User, interpreter, user_id
+from tests.packaging.conftest import Build
+from tests.packaging.user import User, interpreter, make_home
 
 pytestmark = pytest.mark.e2e
 
 
 @pytest.fixture(scope="module")
-def user() -> Iterator[User]:
-    """The user, after installation; his folder is in /tmp, whose parents he may enter."""
-    with tempfile.TemporaryDirectory(prefix="fti-wheel-") as name:
-        folder, home = Path(name), Path(name, "home")
-        folder.chmod(0o755)
-        home.mkdir()
-        os.chown(home, user_id(), -1)
-        install(build_wheel(build_sdist(folder), folder), interpreter(), folder / "env")
-        yield User(home, folder / "env" / "bin")
+def user(wheel: Path, build: Build) -> Iterator[User]:
+    """The user, after the wheel and its dependencies were installed, and nothing else."""
+    with make_home() as home:
+        environment = home.parent / "environment"
+        build(interpreter(), "-m", "venv", "--without-pip", environment)
+        pip = (sys.executable, "-m", "pip", "--python", environment / "bin" / "python", "--disable-pip-version-check")
+        build(*pip, "install", "--root-user-action", "ignore", "--only-binary", ":all:", wheel)
+        yield User(home, environment / "bin")
 
 
 @pytest.fixture(scope="module")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +32,17 @@ def interpreter() -> str:
         except OSError:
             continue
     raise AssertionError(f"none of {', '.join(INTERPRETERS)} is Python 3.11 or newer that user {user_id()} may run")
+
+
+@contextlib.contextmanager
+def make_home() -> Iterator[Path]:
+    """A home of the user, in a folder of /tmp that everybody can enter."""
+    with tempfile.TemporaryDirectory(prefix="fti-user-") as name:
+        Path(name).chmod(0o755)
+        home = Path(name, "home")
+        home.mkdir()
+        os.chown(home, user_id(), -1)
+        yield home
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,59 @@
+"""The Debian package: installed, used by an ordinary user, removed without a trace."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import ROOT
+from tests.packaging.conftest import Build
+from tests.packaging.user import User, make_home
+
+pytestmark = [
+    pytest.mark.e2e,
+    pytest.mark.timeout(1800),
+    pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("dpkg-deb"), reason="only root installs, and on Debian"),
+    pytest.mark.skipif(
+        subprocess.run(
+            ["/usr/bin/python3", "-c", "import sys; sys.exit(sys.version_info < (3, 11))"], check=False
+        ).returncode
+        != 0,
+        reason="Debian's Python is older than 3.11",
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def user(wheel: Path, build: Build) -> Iterator[User]:
+    """A user of the installed package; it is removed in the end."""
+    os.environ["PYTHON"] = sys.executable
+    build(ROOT / "packaging" / "build_deb", wheel, wheel.parent)
+    (package,) = wheel.parent.glob("*.deb")
+    build("dpkg", "--install", package)
+    try:
+        with make_home() as home:
+            yield User(home, Path("/usr/bin"))
+    finally:
+        build("dpkg", "--remove", "fti")
+    assert not Path("/opt/fti").exists()
+
+
+def test_the_command_flies_and_records(user: User) -> None:
+    user.run("fti", "examples", "copy", "bench", "mine")
+    user.run("fti", "run", "mine/bench.toml", "--duration", "1", "--out", "data")
+    (session,) = (user.home / "data").iterdir()
+    assert "all holds" in user.run("fti", "verify", str(session))
+
+
+def test_the_service_starts_the_installed_command(user: User) -> None:
+    unit = Path("/lib/systemd/system/fti.service").read_text()
+    (command,) = [
+        line.removeprefix("ExecStart=").split()[0] for line in unit.splitlines() if line.startswith("ExecStart=")
+    ]
+    assert Path(command).resolve() == Path("/opt/fti/bin/fti")
