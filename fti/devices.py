@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,7 +87,9 @@ def bind_devices(config: Config, texts: Mapping[str, str] | None = None) -> list
     Raises ConfigError with file, key path, value and the allowed values.
     """
     found = _read_option_texts(config) if texts is None else texts
-    return [_bind(config, i, device, found) for i, device in enumerate(config.device)]
+    with configuration.error_lines(config.path, config.text):
+        binders = [partial(_bind, config, i, device, found) for i, device in enumerate(config.device)]
+        return configuration.check_all(binders)
 
 
 def _bind(config: Config, index: int, device: Device, texts: Mapping[str, str]) -> BoundDevice:

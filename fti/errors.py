@@ -14,6 +14,15 @@
 Bad bytes from a device never raise: a decoder counts and skips them.  A caller's mistake raises ``ValueError``.
 """
 
+import difflib
+from collections.abc import Iterable
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The end of an error about an unknown name: the most similar known one; "" if none is similar."""
+    similar = difflib.get_close_matches(name, [*known], n=1)
+    return f"; did you mean {similar[0]!r}?" if similar else ""
+
 
 class FtiError(Exception):
     """Base class of errors that are reported to the user in one sentence."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 import shutil
@@ -11,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from fti.errors import MissingError, StorageError
+from fti.errors import MissingError, StorageError, did_you_mean
 
 FOLDER = Path(__file__).parent / "examples"
 SCENARIOS = FOLDER / "scenarios"
@@ -62,9 +61,8 @@ def _files_of(name: str) -> Iterable[Path]:
             return _with_named_files(FOLDER / each)
     if inside := [FOLDER / each for each in known if each.startswith(f"{name.rstrip('/')}/")]:
         return inside
-    similar = difflib.get_close_matches(name, [*known, *(Path(each).stem for each in known)], n=1)
-    hint = f"did you mean {similar[0]!r}?" if similar else "fti examples lists them"
-    raise MissingError(f"unknown example {name!r}; {hint}")
+    hint = did_you_mean(name, [*known, *(Path(each).stem for each in known)]) or "; fti examples lists them"
+    raise MissingError(f"unknown example {name!r}{hint}")
 
 
 def _with_named_files(file: Path) -> Iterator[Path]:

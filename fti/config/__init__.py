@@ -5,6 +5,7 @@ Relative paths are relative to the file.  An error names the file, the key path,
 """
 
 from fti.config.binding import bind
+from fti.config.error_lines import check_all, error_lines
 from fti.config.loading import load, parse, read_toml, with_links, with_session
 from fti.config.parsing import decode_text, parse_toml
 from fti.config.tables import (
@@ -65,7 +66,9 @@ __all__ = [
     "Vector",
     "altimeter_links",
     "bind",
+    "check_all",
     "decode_text",
+    "error_lines",
     "load",
     "parse",
     "parse_toml",

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from fti.config.tables import StrictModel
-from fti.errors import ConfigError
+from fti.errors import ConfigError, did_you_mean
 
 Model = TypeVar("Model", bound=StrictModel)
 
@@ -35,8 +35,9 @@ def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: s
     for item in error.errors():
         where = _key_path(key, item["loc"], model)
         if item["type"] == "extra_forbidden":
-            known = ", ".join(sorted(_known_keys(model, item["loc"][:-1])))
-            yield f"{file}: {where}: there is no such key; allowed here: {known or 'none'}"
+            known = sorted(_known_keys(model, item["loc"][:-1]))
+            hint = did_you_mean(str(item["loc"][-1]), known)
+            yield f"{file}: {where}: there is no such key; allowed here: {', '.join(known) or 'none'}{hint}"
         elif item["type"] == "missing":
             yield f"{file}: {where}: missing; it must be given"
         else:

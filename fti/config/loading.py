@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fti.config.binding import bind
+from fti.config.error_lines import check_all, error_lines
 from fti.config.parsing import MAX_TOML_BYTES, decode_text, parse_toml
 from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainFiles, UdpLink
-from fti.errors import ConfigError, MissingError
+from fti.errors import ConfigError, MissingError, did_you_mean
 
 #: Keys of ``[nav.terrain]`` that need ``files``.
 FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
@@ -47,9 +49,10 @@ def parse(table: Mapping[str, Any], text: str, file: Path) -> Config:
     for reserved in ("path", "text"):
         if reserved in table:
             raise ConfigError(f"{file}: {reserved}: there is no such key")
-    config = bind(Config, {**table, "path": str(file), "text": text}, str(file))
-    _check_references(config, str(file))
-    return _resolve_paths(config, file.parent)
+    with error_lines(str(file), text):
+        config = bind(Config, {**table, "path": str(file), "text": text}, str(file))
+        _check_references(config, str(file))
+        return _resolve_paths(config, file.parent)
 
 
 def _check_references(config: Config, file: str) -> None:
@@ -59,23 +62,33 @@ def _check_references(config: Config, file: str) -> None:
     _check_unique(devices, file, "device")
     if config.session.mode == "snapshot" and config.snapshot is None:
         raise ConfigError(f"{file}: session.mode = 'snapshot': needs a [snapshot] table: before_s, after_s, max_mb")
-    for i, device in enumerate(config.device):
-        if device.link not in links:
-            raise ConfigError(
-                f"{file}: device[{i}].link = {device.link!r}: unknown link; configured: {_join_names(links)}"
-            )
-        if device.altimeter and not device.altimeter.range_m[0] < device.altimeter.range_m[1]:
-            limits = list(device.altimeter.range_m)
-            raise ConfigError(f"{file}: device[{i}].altimeter.range_m = {limits}: the first must be below the second")
-        if device.altimeter and _down_component(device) < MIN_DOWN_COMPONENT:
-            raise ConfigError(
-                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: its altimeter would not point "
-                "down; roll and pitch together must turn the beam by less than 85 degrees from straight down"
-            )
-    _check_roles(config.nav, devices, file)
-    _check_terrain(config.nav.terrain, file)
-    _check_filter(config, devices, file)
-    _check_radio(config.nav, devices, file)
+    checks: list[Callable[[], None]] = [partial(_check_device, i, links, config, file) for i in range(len(devices))]
+    checks += [
+        partial(_check_roles, config.nav, devices, file),
+        partial(_check_terrain, config.nav.terrain, file),
+        partial(_check_filter, config, devices, file),
+        partial(_check_radio, config.nav, devices, file),
+        partial(_check_altimeters, config, file),
+    ]
+    check_all(checks)
+
+
+def _check_device(index: int, links: list[str], config: Config, file: str) -> None:
+    device, key = config.device[index], f"{file}: device[{index}]"
+    if device.link not in links:
+        hint = did_you_mean(device.link, links)
+        raise ConfigError(f"{key}.link = {device.link!r}: unknown link; configured: {_join_names(links)}{hint}")
+    if (altimeter := device.altimeter) and not altimeter.range_m[0] < altimeter.range_m[1]:
+        limits = list(altimeter.range_m)
+        raise ConfigError(f"{key}.altimeter.range_m = {limits}: the first must be below the second")
+    if altimeter and _down_component(device) < MIN_DOWN_COMPONENT:
+        raise ConfigError(
+            f"{key}.rpy_bs_deg = {list(device.rpy_bs_deg)}: its altimeter would not point down; roll and pitch "
+            "together must turn the beam by less than 85 degrees from straight down"
+        )
+
+
+def _check_altimeters(config: Config, file: str) -> None:
     for device in config.device:
         if device.name in config.nav.altimeters and device.altimeter is None:
             raise ConfigError(f"{file}: nav.altimeters: device {device.name!r} needs a [device.altimeter] table")

@@ -37,6 +37,7 @@ from functools import cache
 from typing import Any, Protocol, runtime_checkable
 
 from fti.config import StrictModel
+from fti.errors import did_you_mean
 from fti.messages.measurements import Measurement
 
 
@@ -124,7 +125,7 @@ def names() -> tuple[str, ...]:
 def load(name: str) -> Driver:
     """The driver of that name.  Raises ValueError with the existing names."""
     if name not in names():
-        raise ValueError(f"no driver {name!r}; there are {', '.join(names())}")
+        raise ValueError(f"no driver {name!r}; there are {', '.join(names())}{did_you_mean(name, names())}")
     module: Driver = importlib.import_module(f"{__name__}.{name}")
     return module
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from fti import config as configuration
 from fti.config import Config
-from fti.errors import ConfigError, MissingError
+from fti.errors import ConfigError, MissingError, did_you_mean
 from fti.example_files import SCENARIOS
 from fti.hil.scenario.config_check import check
 from fti.hil.scenario.fault_table import read as read_profile
@@ -60,7 +60,9 @@ def find(name_or_path: str) -> Path:
     for candidate in (Path(name_or_path), SCENARIOS / f"{name_or_path}.toml"):
         if candidate.is_file():
             return candidate
-    raise MissingError(f"unknown scenario {name_or_path!r}; allowed: a file, or one of {', '.join(shipped_names())}")
+    names = shipped_names()
+    hint = did_you_mean(name_or_path, names)
+    raise MissingError(f"unknown scenario {name_or_path!r}; allowed: a file, or one of {', '.join(names)}{hint}")
 
 
 def shipped_names() -> list[str]:

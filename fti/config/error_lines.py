@@ -1,0 +1,97 @@
+"""Errors of a configuration: all of them at once, each with its line and the name of its device or link."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, TypeVar
+
+from fti.errors import ConfigError
+
+#: Key path at the begin of a sentence, such as ``device[2].options.rate_hz``.
+KEY_PATH = re.compile(r"[\w-]+(?:\[\d+\])*(?:\.[\w-]+(?:\[\d+\])*)*(?=[: ])")
+_HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
+_KEY = re.compile(r"\s*([\w.-]+)\s*=")
+
+Path = tuple[str | int, ...]
+Result = TypeVar("Result")
+
+
+@contextlib.contextmanager
+def error_lines(file: str, text: str) -> Iterator[None]:
+    """Complete a ConfigError of the block.  file, text : the configuration; other files keep their errors"""
+    try:
+        yield
+    except ConfigError as error:
+        sentences = re.split(rf"(?:^|; ){re.escape(file)}: ", str(error))
+        if len(sentences) < 2 or sentences[0]:
+            raise
+        raise ConfigError("; ".join(f"{file}: {_with_place(sentence, text)}" for sentence in sentences[1:])) from None
+
+
+def check_all(checks: Iterable[Callable[[], Result]]) -> list[Result]:
+    """The results of all checks; the errors of all, joined, as one.  Raises ConfigError."""
+    results, errors = list[Result](), list[str]()
+    for check in checks:
+        try:
+            results.append(check())
+        except ConfigError as error:
+            errors.append(str(error))
+    if errors:
+        raise ConfigError("; ".join(errors))
+    return results
+
+
+def _with_place(sentence: str, text: str) -> str:
+    found = KEY_PATH.match(sentence)
+    if not found:
+        return sentence
+    path = tuple(int(part) if part.isdigit() else part for part in re.findall(r"[\w-]+", found[0]))
+    line, known = _find_line(text, path)
+    name = _name_of_table(text, path)
+    place = f"line {line}" + (f", {path[0]} {name!r}" if name else "")
+    return f"{sentence} ({place})" if known else sentence
+
+
+def _find_line(text: str, path: Path) -> tuple[int, int]:
+    """The first line with the longest begin of the path, and the length of that begin."""
+    best, table, counts = (0, 0), Path(), dict[str, int]()
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := _HEADER.match(line):
+            table = _table_path(header[2], counts, is_new=header[1] == "[[")
+            here = table
+        elif key := _KEY.match(line):
+            here = (*table, *key[1].split("."))
+        else:
+            continue
+        common = len([*itertools.takewhile(lambda parts: parts[0] == parts[1], zip(here, path, strict=False))])
+        if common > best[1]:
+            best = number, common
+    return best
+
+
+def _table_path(name: str, counts: dict[str, int], *, is_new: bool) -> Path:
+    """The path of a table; counts : of the arrays of tables so far, which an inner table belongs to the last of"""
+    if is_new:
+        counts[name] = counts.get(name, -1) + 1
+    path, parts = list[str | int](), name.split(".")
+    for i, part in enumerate(parts):
+        path.append(part)
+        if (count := counts.get(".".join(parts[: i + 1]))) is not None:
+            path.append(count)
+    return tuple(path)
+
+
+def _name_of_table(text: str, path: Path) -> str | None:
+    """The name of the device or link that the key belongs to."""
+    table: Any = tomllib.loads(text)
+    for part in path[:2]:
+        try:
+            table = table[part]
+        except (LookupError, TypeError):
+            return None
+    name = table.get("name") if isinstance(table, Mapping) else None
+    return name if isinstance(name, str) else None
