@@ -133,13 +133,14 @@ def _listen(config: Config) -> dict[str, dict[str, Any]]:
 
 def describe(config: Config) -> dict[str, Any]:
     """Summary of a configuration, ready for JSON.  Raises ConfigError or MissingError."""
+    from fti.cli._config_warnings import warnings
     from fti.cli._receive_buffer import hints
     from fti.cli._terrain_files import describe_layers, describe_terrain
     from fti.devices import bind_devices
     from fti.service.supervisor.startup_checks import ValidatedConfig
 
     ValidatedConfig(config, epoch_ns=0)  # rejects everything that fti run would reject
-    session = config.session
+    session, devices = config.session, bind_devices(config)
     return {
         "config": config.path,
         "session": session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb", "mode"}),
@@ -153,14 +154,14 @@ def describe(config: Config) -> dict[str, Any]:
                 ),
                 "document": bound.driver.DOCUMENT,
             }
-            for bound in bind_devices(config)
+            for bound in devices
         ],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
         "terrain": list(describe_terrain(config)),
         "terrain_layers": list(describe_layers(config)),
         "approach": config.nav.approach.profile if config.nav.approach else None,
         "missing": list(_missing(config)),
-        "warnings": [*_shared_ports(config), *_poor_storage(config)],
+        "warnings": [*_shared_ports(config), *_poor_storage(config), *warnings(config, devices)],
         "hints": list(hints(config)),
     }
 

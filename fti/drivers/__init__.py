@@ -97,7 +97,10 @@ class Encoder(Protocol):
 
 
 class Driver(Protocol):
-    """Interface of a driver module."""
+    """Interface of a driver module.
+
+    A module whose device also sends when nothing was requested has ``SENDS_UNASKED = True``.
+    """
 
     DOCUMENT: str
     MESSAGES: Mapping[str, str]

@@ -309,3 +309,69 @@ def test_it_reports_how_long_the_memory_of_snapshots_holds(tmp_path: Path, capsy
     assert main(["check", str(path)]) == 0
     output = capsys.readouterr().out
     assert "the links are recorded only on a trigger; 4 MB hold 246.4 s" in output
+
+
+MISTAKES = """
+[session]
+name = "mistakes"
+
+[[link]]
+name = "line"
+kind = "serial"
+port = "/dev/ttyUSB0"
+
+[[link]]
+name = "eth"
+kind = "udp"
+bind = "0.0.0.0:4000"
+
+[[device]]
+name = "gnss"
+link = "line"
+driver = "novatel_oem6"
+options = { logs = { bestpos = 1.0 } }
+
+[[device]]
+name = "one"
+link = "eth"
+driver = "mavlink"
+
+[[device]]
+name = "two"
+link = "eth"
+driver = "mavlink"
+options = { system = 2 }
+
+[nav]
+position = ["gnss"]
+attitude = ["one", "two"]
+"""
+REMEDIES = {
+    "gnss: its driver requests data, but link line may not send": ('/dev/ttyUSB0"', '/dev/ttyUSB0"\ntransmit = true'),
+    "eth: bind = '0.0.0.0:4000' receives from every network": ("0.0.0.0", "127.0.0.1"),
+    "nav.attitude: one, two share link eth": ('["one", "two"]', '["one"]'),
+    "nav.position: gnss is compared with no other source": ('["gnss"]', '["gnss", "one"]'),
+}
+
+
+@pytest.mark.parametrize(("begin", "remedy"), REMEDIES.items(), ids=[text.split(":")[0] for text in REMEDIES])
+def test_what_will_probably_not_work_is_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], begin: str, remedy: tuple[str, str]
+) -> None:
+    def warnings(text: str) -> list[str]:
+        (tmp_path / "own.toml").write_text(text)
+        assert main(["check", str(tmp_path / "own.toml"), "--json"]) == 0
+        found: list[str] = json.loads(capsys.readouterr().out)["warnings"]
+        return found
+
+    before = warnings(MISTAKES)
+    assert len(before) == len(REMEDIES)
+    (warning,) = [text for text in before if text.startswith(begin)]
+    assert MISTAKES.count(remedy[0]) == 1
+    assert warnings(MISTAKES.replace(*remedy)) == [text for text in before if text != warning]
+
+
+@pytest.mark.parametrize("name", ["demo", "fallbacks", "research_aircraft", "uav_mavlink", "uav_sensors"])
+def test_examples_of_aircraft_have_no_warning(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(ROOT / "configs" / f"{name}.toml"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["warnings"] == []

@@ -104,6 +104,10 @@ def make_encoder(options: Options) -> Encoder:
     return Encoder(bus, factory_tables(bus.sensors) | read_tables(options.calibration, _all_surfaces(options)))
 
 
+#: Only the calibration tables are requested.
+SENDS_UNASKED = True
+
+
 def on_connect(options: Options) -> list[bytes]:
     """Request all tables of all nodes."""
     bus = _bus(options)
