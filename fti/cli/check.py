@@ -160,7 +160,7 @@ def describe(config: Config) -> dict[str, Any]:
         "terrain": list(describe_terrain(config)),
         "terrain_layers": list(describe_layers(config)),
         "approach": config.nav.approach.profile if config.nav.approach else None,
-        "missing": list(_missing(config)),
+        "missing": list(describe_missing(config)),
         "warnings": [*_shared_ports(config), *_poor_storage(config), *warnings(config, devices)],
         "hints": list(hints(config)),
     }
@@ -215,7 +215,7 @@ def _describe_snapshot(config: Config) -> dict[str, float] | None:
     return {**config.snapshot.model_dump(), "holds_s": round(holds, 1)}
 
 
-def _missing(config: Config) -> Iterator[dict[str, str]]:
+def describe_missing(config: Config) -> Iterator[dict[str, str]]:
     """Roles without a device, and the reason of their outputs."""
     from fti.devices import check_reference, read_texts
     from fti.nav.integrity.approach_channel import idle_reason

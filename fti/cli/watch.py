@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
     from fti.run_directory import DaemonInfo
 
-#: Every output comes at 2 Hz or more, health at 2 Hz.
-COLLECT_S = 1.2
-HEALTH_TIMEOUT_S = 5.0
 JSON_PERIOD_S = 1.0
 LIVE_PERIOD_S = 0.2
 
@@ -40,23 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Subscribe to the bus and show its state."""
-    from pathlib import Path
+    from fti.cli._live_state import live_states
 
-    from fti.bus.frame import SOCKET_NAME
-    from fti.clock import SystemClock
-    from fti.service.display.bus_feed import subscribe
-    from fti.web.live_state import LiveState
-
-    info = _find(args)
-    clock = SystemClock(0)
-    live = LiveState(clock.now_ns())
-    subscriber = subscribe(live, Path(info.sock).with_name(SOCKET_NAME), "watch", clock)
-    try:
-        _collect(lambda: live.state(clock.now_ns()), info.name)
+    with live_states(_find(args), "watch") as read:
         show = _show_json if args.json else _show_table
-        show(lambda: live.state(clock.now_ns()), args.once)
-    finally:
-        subscriber.close()
+        show(read, args.once)
     return 0
 
 
@@ -64,17 +49,6 @@ def _find(args: argparse.Namespace) -> DaemonInfo:
     from fti.run_directory import base, find_daemon
 
     return find_daemon(str(base() / args.name) if args.name else args.run_dir)
-
-
-def _collect(read: Callable[[], State], name: str) -> None:
-    """Wait until every output and health have arrived.  Raises MissingError when no health arrives."""
-    from fti.errors import MissingError
-
-    begin = time.monotonic()
-    while (waited := time.monotonic() - begin) < COLLECT_S or read()["health"] is None:
-        if waited > HEALTH_TIMEOUT_S:
-            raise MissingError(f"the daemon {name} has published no health for {HEALTH_TIMEOUT_S:g} s")
-        time.sleep(0.05)
 
 
 def _show_json(read: Callable[[], State], once: bool) -> None:

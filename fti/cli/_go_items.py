@@ -1,0 +1,115 @@
+"""The items of ``fti preflight``, from the configuration and the live state of its daemon."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fti.cli.check import describe_missing
+from fti.config import Config
+from fti.messages.frames import LinkState
+from fti.messages.health import DeviceHealth, HealthRecord
+from fti.messages.tables import from_table
+from fti.nav.device_time.clock_estimator import ClockState
+
+SECOND_NS = 1_000_000_000
+HOUR_S = 3600.0
+MEGABYTE = 1e6
+
+State = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class GoItem:
+    """One item.  text : what is measured, or what is wrong"""
+
+    name: str
+    is_go: bool
+    text: str
+
+
+def go_items(config: Config, state: State, hours: float) -> Iterator[GoItem]:
+    """All items, in the order of a check list.  state : see ``LiveState``; hours : of disk that are needed"""
+    health = from_table(HealthRecord, state["health"])
+    yield _recording(health)
+    yield _disk(config, health, hours)
+    yield from _links(config, health)
+    yield from _devices(config, health)
+    yield from _roles(config, state["outputs"])
+    yield from _ground(config, health)
+    yield _alarms(state["alarms"])
+
+
+def _recording(health: HealthRecord) -> GoItem:
+    session = health.session
+    expected = "waiting" if session.mode == "snapshot" else "recording"
+    return GoItem("recording", session.state in (expected, "recording"), f"{session.state}: {session.folder}")
+
+
+def _disk(config: Config, health: HealthRecord, hours: float) -> GoItem:
+    """Hours until only the reserve is free, at the mean rate of this session."""
+    if not isinstance(free_mb := health.storage.free_mb, float):
+        return GoItem("disk", False, "free space is unknown")
+    written = sum(file.stat().st_size for file in Path(health.session.folder).glob("*") if file.is_file())
+    elapsed_s = max(health.t_ns - health.session.started_ns, SECOND_NS) / SECOND_NS
+    left_h = (free_mb - config.session.min_free_mb) * MEGABYTE / max(written, 1) * elapsed_s / HOUR_S
+    return GoItem(
+        "disk", left_h >= hours, f"{left_h:.0f} h left at {written / elapsed_s / 1000:.0f} kB/s; {hours:g} h needed"
+    )
+
+
+def _links(config: Config, health: HealthRecord) -> Iterator[GoItem]:
+    for link in config.link:
+        found = health.links.get(link.name)
+        if found is None:
+            yield GoItem(f"link {link.name}", False, "the daemon has no such link: it runs another configuration")
+        else:
+            yield GoItem(f"link {link.name}", found.state == LinkState.GOOD, found.hint or found.state)
+
+
+def _devices(config: Config, health: HealthRecord) -> Iterator[GoItem]:
+    for device in config.device:
+        if (found := health.devices.get(device.name)) is not None:
+            problem = _problem_of_device(found, uses_time=device.use_device_time)
+            clocks = ", ".join(f"{clock.scale} clock {clock.state}" for clock in found.clocks)
+            yield GoItem(f"device {device.name}", not problem, problem or f"{found.rate_hz:.1f} Hz {clocks}".rstrip())
+
+
+def _problem_of_device(found: DeviceHealth, *, uses_time: bool) -> str:
+    if found.state != LinkState.GOOD:
+        return found.hint or found.state
+    unknown = [clock for clock in found.clocks if uses_time and clock.state != ClockState.GOOD]
+    return "; ".join(f"{clock.scale} clock: {clock.state}" for clock in unknown)
+
+
+def _roles(config: Config, outputs: State) -> Iterator[GoItem]:
+    navigation = outputs.get("/nav/nav_solution", {"late": True})
+    for role, prefix in (("position", ""), ("attitude", "attitude_")):
+        if not getattr(config.nav, role):
+            continue
+        if is_go := bool(navigation.get(f"{prefix}valid")) and not navigation["late"]:
+            text = f"from {navigation[f'{role}_source']}"
+        else:
+            text = ", ".join(navigation.get(f"{prefix}reasons_text", ())) or "late"
+        yield GoItem(role, is_go, text)
+    for name in config.nav.altimeters:
+        height = outputs.get(f"/nav/height_above_ground/{name}")
+        is_go = height is not None and not height["late"]
+        text = "no heights" if height is None else ", ".join(height["reasons_text"]) or "valid height"
+        yield GoItem(f"altimeter {name}", is_go, text)
+
+
+def _ground(config: Config, health: HealthRecord) -> Iterator[GoItem]:
+    if config.nav.terrain:
+        name = health.navigation.terrain
+        yield GoItem("terrain", bool(name) and not health.navigation.is_terrain_loading, str(name or "not loaded"))
+    if config.nav.approach:
+        missing = [each["reason"] for each in describe_missing(config) if each["role"] == "approach"]
+        yield GoItem("approach reference", not missing, missing[0] if missing else config.nav.approach.profile)
+
+
+def _alarms(alarms: list[dict[str, Any]]) -> GoItem:
+    lasting = [alarm["title"] for alarm in alarms if alarm["end_ns"] is None or not alarm["is_acknowledged"]]
+    return GoItem("alarms", not lasting, ", ".join(lasting) or "none")
