@@ -56,7 +56,7 @@ def _replay_without_readers() -> None:
     async def nobody(*_: object) -> None:
         return
 
-    replay._wait_for_readers = nobody  # type: ignore[assignment]
+    replay.Replay._wait_for_reader = nobody  # type: ignore[assignment]
 
 
 def _arguments(damage: str, command: Any, seed: int, place: Path) -> list[str]:

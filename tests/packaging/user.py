@@ -70,9 +70,23 @@ class User:
             text=True,
         )
 
-    def run(self, *command: str, code: int = 0) -> str:
-        """Run a command that must end with an exit code; returns its output."""
+    def run(self, *command: str, codes: tuple[int, ...] = (0,)) -> str:
+        """Run a command that must end with one of the exit codes; returns its output."""
         process = self.start(*command)
         out, errors = process.communicate(timeout=TIMEOUT_S)
-        assert process.returncode == code, f"{' '.join(command)}: exit code {process.returncode}\n{out}\n{errors}"
+        assert process.returncode in codes, f"{' '.join(command)}: exit code {process.returncode}\n{out}\n{errors}"
         return out
+
+    @contextlib.contextmanager
+    def running(self, *command: str, ready: str) -> Iterator[None]:
+        """Run a command beside the block, from its line ``ready`` on; it ends by itself."""
+        process = self.start(*command)
+        try:
+            assert process.stdout
+            assert process.stdout.readline().strip() == ready, process.communicate()
+            yield
+            out, errors = process.communicate(timeout=TIMEOUT_S)
+            assert process.returncode == 0, f"{' '.join(command)}:\n{out}\n{errors}"
+        finally:
+            process.kill()
+            process.wait()

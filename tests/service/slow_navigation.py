@@ -203,9 +203,8 @@ class World:
     def navigator(self) -> NavigationProcess:
         """A navigation process."""
         startup = self.startup()
-        return NavigationProcess(
-            startup, self.clock, ControlChannel(self._near, ToNavigation), Ring.attach(self._own_fds())
-        )  # type: ignore[arg-type]
+        channel, ring = ControlChannel(self._near, ToNavigation), Ring.attach(self._own_fds())
+        return NavigationProcess(startup, self.clock, channel, ring)  # type: ignore[arg-type]
 
     def _own_fds(self) -> tuple[int, int]:
         """The ring's, as another process has them."""
