@@ -1,0 +1,97 @@
+"""Write a first configuration from what the connected devices send.
+
+Listens on every free serial port at the usual baud rates, on CAN interfaces that are up, and on the named UDP
+addresses; tries every driver; writes links, devices, measured rates and roles, with comments on what only you know.
+Nothing is sent to a serial line.  The link of a device that is silent until it is asked is written without a device.
+
+  fti new aircraft.toml
+  fti new aircraft.toml --udp 0.0.0.0:14550 --seconds 5
+  fti new bench.toml --links /tmp/links --udp 127.0.0.1:47401 --slcan /tmp/links/air_can     ports of an emulator
+
+Then: fti check aircraft.toml, fti check aircraft.toml --live, fti run aircraft.toml.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from fti.cli._arguments import new_file, number
+from fti.cli._printing import print_line
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SLCAN_BITRATE = 500_000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti new``."""
+    parser.add_argument("file", metavar="FILE", type=new_file(".toml"), help="the configuration to write (.toml)")
+    parser.add_argument("--name", metavar="NAME", help="name of the session (default: name of the file)")
+    parser.add_argument("--links", metavar="DIR", help="only the ports of an emulator in this folder")
+    parser.add_argument(
+        "--udp", metavar="ADDRESS:PORT", action="append", default=[], help="listen on this address (repeatable)"
+    )
+    parser.add_argument(
+        "--slcan", metavar="PORT", action="append", default=[], help="this port is an slcan adapter (500 kbit/s)"
+    )
+    parser.add_argument(
+        "--seconds", metavar="S", type=number(0.5, 600.0, "0.5 to 600"), default=3.0, help="time for each baud rate"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Listen, print what is found, write the file."""
+    import asyncio
+    import tomllib
+
+    from fti import config as configuration
+    from fti.cli._new_config import config_text
+    from fti.cli._port_survey import BAUD_RATES, survey
+    from fti.errors import MissingError
+    from fti.new_file import write_new_file
+    from fti.service.supervisor.startup_checks import ValidatedConfig
+
+    links = list(_links(args))
+    if not links:
+        raise MissingError("no free port: connect a device (fti ports lists the ports), or name addresses with --udp")
+    print_line(
+        f"listening on {len(links)} ports, {args.seconds:g} s for each of {len(BAUD_RATES)} baud rates", error=True
+    )
+    ports = asyncio.run(survey(links, args.seconds, lambda line: print_line(line, error=True, flush=True)))
+    text = config_text(args.file, args.name or args.file.stem, ports)
+    ValidatedConfig(configuration.parse(tomllib.loads(text), text, args.file), epoch_ns=0)
+    write_new_file(args.file, text.encode())
+    print_line(f"{args.file}: {sum(port.device is not None for port in ports)} devices; next: fti check {args.file}")
+    return 0
+
+
+def _links(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Tables of the links to listen on."""
+    from pathlib import Path
+
+    from fti.links.ports import can_interfaces, serial_ports
+
+    folder = Path(args.links) if args.links else None
+    slcan = [str(Path(name).absolute()) for name in args.slcan]
+    free = [Path(port.name) for port in serial_ports(folder) if port.state == "free"]
+    serial = [str(port.absolute()) for port in free if _is_wanted(port, folder)]
+    buses = [] if folder else [interface.name for interface in can_interfaces() if interface.state == "up"]
+    return [
+        *({"kind": "serial", "port": port} for port in serial if port not in slcan),
+        *({"kind": "can", "interface": "slcan", "channel": port, "bitrate": SLCAN_BITRATE} for port in slcan),
+        *({"kind": "can", "interface": "socketcan", "channel": name} for name in buses),
+        *({"kind": "udp", "bind": address} for address in args.udp),
+    ]
+
+
+def _is_wanted(port: Path, folder: Path | None) -> bool:
+    """A port of the folder; without one a port by its stable name, or one that has none."""
+    from fti.links.ports import BY_ID
+
+    if folder:
+        return port.parent == folder
+    if port.parent == BY_ID:
+        return True
+    return not any(link.resolve() == port for link in BY_ID.glob("*"))

@@ -1,0 +1,106 @@
+"""``fti new``: from the bytes on the ports to a configuration that ``fti check`` accepts."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import threading
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fti import config as configuration
+from fti.cli._new_config import config_text
+from fti.cli._port_survey import FoundDevice, FoundPort
+from fti.cli.main import main
+from fti.messages.measurements import Attitude, Position, RadioHeight, Range
+
+PERIOD_S = 0.05
+NMEA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
+
+
+@contextlib.contextmanager
+def sending(link: Path, data: bytes) -> Iterator[None]:
+    """A device on a pty that sends the same bytes 20 times a second."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    link.symlink_to(os.ttyname(slave))
+    os.close(slave)  # a port that a program has open is busy
+    ended = threading.Event()
+
+    def send() -> None:
+        while not ended.wait(PERIOD_S):
+            with contextlib.suppress(OSError):  # full, or without reader
+                os.write(master, data)
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        os.close(master)
+
+
+def test_what_sends_becomes_a_device_and_the_rest_a_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ports, file = tmp_path / "links", tmp_path / "own.toml"
+    ports.mkdir()
+    with sending(ports / "gnss_line", NMEA), sending(ports / "spare_line", b"?"), socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+        arguments = ("--links", str(ports), "--udp", address, "--seconds", "1.5")
+        assert main(["new", str(file), *arguments]) == 0
+    printed = capsys.readouterr()
+    assert f"{file}: 1 devices; next: fti check {file}" in printed.out
+    assert f"{address}: no bytes" in printed.err
+    config = configuration.load(file)
+    assert [(link.name, link.kind) for link in config.link][:2] == [("gnss_line", "serial"), ("spare_line", "serial")]
+    (device,) = config.device
+    assert (device.name, device.link, device.driver) == ("gnss", "gnss_line", "nmea0183")
+    assert device.rate_hz == pytest.approx(1 / PERIOD_S, rel=0.3)
+    assert config.nav.position == ("gnss",)
+    assert "which no driver decodes" in file.read_text()
+    assert main(["check", str(file)]) == 0
+
+
+def test_a_file_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "own.toml").write_text("mine")
+    with pytest.raises(SystemExit):
+        main(["new", str(tmp_path / "own.toml")])
+    assert "already exists" in capsys.readouterr().err
+    assert (tmp_path / "own.toml").read_text() == "mine"
+
+
+def test_without_a_port_the_remedy_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "links").mkdir()
+    assert main(["new", str(tmp_path / "own.toml"), "--links", str(tmp_path / "links")]) == 2
+    assert "--udp" in capsys.readouterr().err
+
+
+def test_roles_begin_with_the_device_that_has_most(tmp_path: Path) -> None:
+    def udp(port: int, driver: str, *kinds: type) -> FoundPort:
+        device = FoundDevice(driver, 1.0, 10.0, frozenset(kinds))
+        return FoundPort({"kind": "udp", "bind": f"127.0.0.1:{port}"}, 100, device)
+
+    ports = [
+        udp(4001, "nmea0183", Position),
+        udp(4002, "imar_ixcom", Position, Attitude),
+        udp(4003, "lightware_ascii", Range),
+        udp(4004, "freeflight_ra4500", RadioHeight),
+        udp(4005, "nmea0183", Position),
+    ]
+    file = tmp_path / "own.toml"
+    file.write_text(config_text(file, "own", ports))
+    config = configuration.load(file)
+    names = [device.name for device in config.device]
+    assert len({*names}) == 5
+    assert config.nav.position == (names[1], names[0], names[4])
+    assert config.nav.attitude == ("imar_ixcom",)
+    assert config.nav.altimeters == ("lightware_ascii", "freeflight_ra4500")
+    kinds = {device.name: device.altimeter.kind for device in config.device if device.altimeter}
+    assert kinds == {"lightware_ascii": "laser", "freeflight_ra4500": "radar"}
