@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from fti.cli._port_survey import FoundPort
-from fti.messages.measurements import Attitude, ImuSample, Position, RadioHeight, Range, Velocity
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, RadioHeight, Range, Velocity
 
 #: Range limits and full beam width of an altimeter whose data sheet is not known: FreeFlight RA-4500, LightWare SF30.
-ALTIMETERS = {RadioHeight: ("radar", "[0.0, 760.0]", "40.0"), Range: ("laser", "[0.2, 100.0]", "0.3")}
+ALTIMETERS: dict[type[Measurement], tuple[str, str, str]] = {
+    RadioHeight: ("radar", "[0.0, 760.0]", "40.0"),
+    Range: ("laser", "[0.2, 100.0]", "0.3"),
+}
 HEAD = """\
 # Written by fti new from what the devices sent.  Lines with CHECK need the data sheet or the aircraft.
 # fti check {file} explains it; docs/configuration.md describes every key.
