@@ -48,7 +48,7 @@ def _make_stream_key(kind: Any) -> Callable[[Any], object]:
 
 
 #: The field that names the object measured, for classes with several objects per device.
-STREAM_FIELD = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
+STREAM_FIELD: dict[type, str] = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
 STREAM_KEY = {kind: _make_stream_key(kind) for kind in typing.get_args(Measurement) if kind not in UNDECIMATED}
 
 

@@ -20,6 +20,7 @@ from mcap.reader import make_reader
 from fti import config as configuration
 from fti.cli.main import main
 from fti.devices import bind_devices
+from fti.logger.export.csv_table import format_utc
 from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
@@ -130,6 +131,7 @@ def test_utc_is_the_time_of_validity(tmp_path: Path) -> None:
     line = (tmp_path / "csv" / "ins_attitude.csv").read_text().splitlines()[1].split(",")
     first_ns = found.column("publish_time_ns").to_pylist()[0]
     assert line[3].startswith("2026-11-27T13:51:") and line[3].endswith(f".{first_ns % 10**9:09d}Z")
+    assert format_utc(86_400_000_000_005) == "1970-01-02T00:00:00.000000005Z"
 
 
 def test_unknown_integers_stay_integers(tmp_path: Path) -> None:

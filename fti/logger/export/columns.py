@@ -11,7 +11,8 @@ from functools import cache
 from typing import Any
 
 from fti.logger.export.units import class_of, unit_of, with_unit
-from fti.messages.units import union_members
+from fti.messages.tables import Message
+from fti.messages.units import present_members
 
 #: Largest integer of an integer column; a larger one is a float.
 MAX_INT64 = 2**63 - 1
@@ -77,22 +78,17 @@ def types_of_class(cls: type) -> dict[str, Type]:
     """Types of the columns of a class of messages by their names; a list of messages is a text, of JSON."""
     found: dict[str, Type] = {}
     for name, hint in typing.get_type_hints(cls).items():
-        kind = next(member for member in union_members(hint) if member is not types.NoneType)
+        kind = next(member for member in present_members(hint) if member is not types.NoneType)
         arguments = typing.get_args(kind)
         if typing.get_origin(kind) is tuple and ... not in arguments:
             found |= {f"{name}.{n}": _scalar(member) for n, member in enumerate(arguments)}
         elif typing.get_origin(kind) is tuple:
             found[name] = Type.TEXTS if issubclass(arguments[0], str) else Type.TEXT
-        elif is_message(kind):
+        elif isinstance(kind, type) and issubclass(kind, Message):
             found |= {f"{name}.{inner}": scalar for inner, scalar in types_of_class(kind).items()}
         elif isinstance(kind, type):
             found[name] = _scalar(kind)
     return found
-
-
-def is_message(kind: Any) -> bool:
-    """Is a type a class of messages?"""
-    return isinstance(kind, type) and not issubclass(kind, str) and bool(typing.get_type_hints(kind))
 
 
 def _scalar(kind: type) -> Type:

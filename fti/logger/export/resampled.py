@@ -8,7 +8,6 @@ state lies between two.  A message that carries only a part of its fields leaves
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import math
 from array import array
 from collections import defaultdict
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import structs
 
 from fti.errors import RecordingError
 from fti.logger.derived_log import STREAM_FIELD
@@ -112,7 +112,7 @@ class _Fields:
             valid = index.get("attitude_valid" if of_attitude else "valid", index.get("valid"))
             if valid is not None and column.type in (Type.FLOAT, Type.INT):
                 self.validity[n] = valid
-        defaults = {field.name: field.default for field in inspect.signature(kind).parameters.values()}
+        defaults = {field.name: field.default for field in structs.fields(kind)}
         is_partial = kind not in OUTPUT_CLASSES.values()
         self.parts = {n for n, c in self.signals if is_partial and defaults.get(c.name.partition(".")[0], 0) is None}
 

@@ -94,11 +94,9 @@ def test_a_message_with_a_part_leaves_the_others() -> None:
 
 def test_samples_may_arrive_in_another_order_than_that_of_validity() -> None:
     table = Table()
-    for t_ms in (190, 110, 150, 250):
+    for t_ms in (550, 150, 450, 120, 250, 340, 310):
         table.add(t_ms, Range(stamp=STAMP, slant_range=float(t_ms)))
-    table.add(340, Range(stamp=STAMP, slant_range=340.0))
-    table.add(310, Range(stamp=STAMP, slant_range=310.0))
-    assert table.columns()["ins_range.slant_range [m]"] == [None, None, 190.0, 250.0, 340.0]
+    assert table.columns()["ins_range.slant_range [m]"] == [None, None, 150.0, 250.0, 340.0, 450.0, 550.0]
 
 
 def test_the_attitude_of_the_navigation_solution_has_a_validity_of_its_own() -> None:
