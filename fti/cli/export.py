@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     )
     recording = Recording.open(*args.session)
     report_remarks(recording)
-    decoded = _decoded(recording)
+    decoded = _decoded(recording, args.thin_hz)
     with show_read_progress(recording, "exporting", passes=3):
         rows = export(recording, args.out, _format(args.format), selection, decoded)
     if not rows:
@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
     return 3 if recording.faults else 0
 
 
-def _decoded(recording: Recording) -> DecodedRecording | None:
+def _decoded(recording: Recording, thin_hz: float | None) -> DecodedRecording | None:
     """The decoder of the frames; None, with a note, where the recorded measurements are all there is."""
     from fti.errors import FtiError
     from fti.post.decoded import DecodedRecording
@@ -123,7 +123,8 @@ def _decoded(recording: Recording) -> DecodedRecording | None:
     except FtiError as error:
         why = str(error)
     if recording.derived_files:
-        print_line(f"note: measurements are as recorded, at most 25 Hz: {why}", error=True)
+        ineffective = ", not thinned" if thin_hz else ""
+        print_line(f"note: measurements are as recorded, at most 25 Hz{ineffective}: {why}", error=True)
     return None
 
 

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import json
 import math
+import signal
+import subprocess
+import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,6 +28,7 @@ from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
+from tests.helpers import until
 from tests.sessions.record import FOLDER
 
 SESSIONS = sorted(path for path in FOLDER.glob("*/*/*_0") if path.is_dir())
@@ -181,6 +185,18 @@ def test_an_event_is_a_row(tmp_path: Path) -> None:
     ]  # fmt: skip
     rows = Counter((row["log_time_ns"], row["message"]) for row in table(tmp_path, "fti_event"))
     assert rows == per_file[0] | per_file[1] and rows.total() < per_file[0].total() + per_file[1].total()
+
+
+def test_an_interrupt_while_frames_are_decoded_leaves_no_half_table(tmp_path: Path) -> None:
+    out = tmp_path / "t"
+    command = [sys.executable, "-m", "fti.cli.main", "export", str(DEMONSTRATION), "--out", str(out)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+        until(lambda: (out / "ins_attitude.csv.part").exists() or process.poll() is not None, what="the drafts")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=120)
+    names = [path.name for path in out.iterdir()]
+    assert (process.returncode, bool(names)) in [(130, False), (0, True)]  # it may have been done
+    assert not any(name.endswith(".part") for name in names)
 
 
 # ------------------------------------------------------------------------------------------------- what is missing
