@@ -21,7 +21,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
-SECOND_NS = 1_000_000_000
+from fti.constants import SECOND_NS
+
 #: The epoch is a multiple of this: the period of the ticks (``fti.messages.frames.TICK_PERIOD_NS``).
 EPOCH_STEP_NS = 20_000_000
 #: Maximum time between the kernel's stamp and the entry into the socket queue: the kernel stamps first, and real-time

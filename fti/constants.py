@@ -9,3 +9,4 @@ STANDARD_GRAVITY = 9.80665
 #: International foot and nautical mile [m].
 FOOT = 0.3048
 NAUTICAL_MILE = 1852.0
+SECOND_NS = 1_000_000_000

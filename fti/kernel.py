@@ -14,9 +14,9 @@ import numba
 import numpy as np
 from numba.core.caching import IndexDataCacheFile
 from numba.extending import register_jitable
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 #: What pickle raises for a damaged file, or for a class that another version of fti called otherwise.

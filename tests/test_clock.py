@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from fti.clock import (
     EPOCH_STEP_NS,
     MAX_QUEUE_DELAY_NS,
-    SECOND_NS,
     STEP_NS,
     Clock,
     ClockStep,
@@ -22,6 +21,7 @@ from fti.clock import (
     choose_epoch_ns,
     describe_wrong_time,
 )
+from fti.constants import SECOND_NS
 from fti.messages.frames import TICK_PERIOD_NS
 
 STALL_NS = 130 * SECOND_NS

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-SECOND_NS = 1_000_000_000
+from fti.constants import SECOND_NS
 
 
 def describe_times(alarm: Mapping[str, Any]) -> str:

@@ -9,12 +9,12 @@ from typing import Any
 
 from fti.cli.check import describe_missing
 from fti.config import Config
+from fti.constants import SECOND_NS
 from fti.messages.frames import LinkState
 from fti.messages.health import DeviceHealth, HealthRecord
 from fti.messages.tables import from_table
 from fti.nav.device_time.clock_estimator import ClockState
 
-SECOND_NS = 1_000_000_000
 HOUR_S = 3600.0
 MEGABYTE = 1e6
 

@@ -9,11 +9,12 @@ from datetime import UTC, datetime
 from typing import Any
 
 from fti.alarms.condition import Severity
+from fti.constants import SECOND_NS
 from fti.logger.reading.session_metadata import remarks
 from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
 from fti.messages.topics import RAW_PREFIX, TICK_TOPIC
-from fti.post.overview import CONTINUOUS, SECOND_NS, Overview
+from fti.post.overview import CONTINUOUS, Overview
 
 BARS = "·▁▂▃▄▅▆▇█"
 USUAL_BAR = 6  # height for rates near the median

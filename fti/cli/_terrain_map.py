@@ -19,6 +19,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.errors import ConfigError
 from fti.geodesy.geoid import load_geoid
 from fti.plot_style import (
@@ -36,7 +37,6 @@ from fti.plot_style import (
 from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.terrain import Terrain
 
-Array = NDArray[np.float64]
 #: Two places: latitude, longitude [rad].
 Ends = tuple[tuple[float, float], tuple[float, float]]
 

@@ -31,6 +31,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json, print_line, print_lines
+from fti.constants import SECOND_NS
 from fti.messages.frames import TICK_PERIOD_NS
 from fti.messages.reasons import Reason
 
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from fti.config import CanLink, Config, Device, SerialLink, UdpLink
 
 LIVE_DURATION_S = 5.0
-SECOND_NS = 1_000_000_000
 EXIT_DOES_NOT_HOLD = 1
 #: Used where the devices of a link have no configured rate.
 ASSUMED_RATE_HZ = 100.0

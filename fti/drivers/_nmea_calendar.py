@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from datetime import date, timedelta
 
-from fti.formats.device_time import SECOND_NS, utc_ns
+from fti.constants import SECOND_NS
+from fti.formats.device_time import utc_ns
 from fti.messages.measurements import Stamp, TimeScale
 
 DAY_NS = 86_400 * SECOND_NS

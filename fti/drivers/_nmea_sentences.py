@@ -7,11 +7,11 @@ import re
 from collections.abc import Callable
 from datetime import date
 
+from fti.constants import SECOND_NS
 from fti.drivers._nmea_calendar import DAY_NS, Calendar
 from fti.drivers._nmea_framing import split
 from fti.drivers._nmea_sky import SkyView
 from fti.formats import nmea_fields as fields
-from fti.formats.device_time import SECOND_NS
 from fti.formats.unit_factors import KNOT
 from fti.geodesy.formulas import wrap_heading
 from fti.messages.measurements import (

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from datetime import UTC, date, datetime, timedelta
 
+from fti.constants import SECOND_NS
 from fti.messages.measurements import Stamp, TimeScale
 
-SECOND_NS = 1_000_000_000
 WEEK_S = 604_800
 GPS_EPOCH_UTC_NS = 315_964_800 * SECOND_NS
 LEAP_NS = 18 * SECOND_NS

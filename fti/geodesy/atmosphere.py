@@ -18,9 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 #: Sea level temperature [K], pressure [Pa], lapse [K/m], gas constant [J/(kg K)].
 ISA_TEMPERATURE, ISA_PRESSURE, ISA_LAPSE, GAS_CONSTANT = 288.15, 101325.0, 0.0065, 287.05287

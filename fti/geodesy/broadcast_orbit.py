@@ -13,12 +13,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
 from fti.messages.measurements import Ephemeris
-
-Array = NDArray[np.float64]
 
 #: Of IS-GPS-200: gravitational constant [m^3/s^2], rate of the earth [rad/s], relativity [s/m^0.5].
 MU, EARTH_RATE, RELATIVITY = 3.986005e14, 7.2921151467e-5, -4.442807633e-10

@@ -20,13 +20,12 @@ from pathlib import Path
 
 import numpy as np
 import pyproj
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pyproj.datadir import get_data_dir, get_user_data_dir  # type: ignore[attr-defined]  # public in its documents
 from pyproj.network import set_network_enabled  # type: ignore[attr-defined]  # as above
 
+from fti.arrays import Array
 from fti.errors import MissingError
-
-Array = NDArray[np.float64]
 
 set_network_enabled(False)  # overrides PROJ_NETWORK
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy import formulas
 from fti.geodesy.wgs84 import radii
 from fti.kernel import flatten, kernel
-
-Array = NDArray[np.float64]
 
 _gravity_of = formulas.normal_gravity
 

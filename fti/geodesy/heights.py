@@ -23,12 +23,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array
 from fti.geodesy.atmosphere import ISA_PRESSURE, Atmosphere, pressure_altitude
 from fti.geodesy.geoid import Geoid
 from fti.geodesy.rotations import rotate
 from fti.messages.outputs import Datum, Point
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy import formulas
 from fti.geodesy.formulas import Vector
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-
-Array = NDArray[np.float64]
 
 #: East, north, up from north, east, down; its own inverse.
 MAT_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

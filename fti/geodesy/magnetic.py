@@ -18,11 +18,11 @@ import functools
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy.wgs84 import ecef_from_geodetic
 
-Array = NDArray[np.float64]
 Legendre = dict[tuple[int, int], Array]
 
 EPOCH, LAST_YEAR = 2025.0, 2030.0

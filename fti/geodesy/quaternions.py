@@ -7,13 +7,12 @@ Source: Titterton and Weston 2004, section 3.6.4.  Checked against rotation matr
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy import formulas
 from fti.geodesy.rotations import rows_of
 from fti.kernel import flatten, kernel
-
-Array = NDArray[np.float64]
 
 _mat_of, _quat_of = formulas.mat_from_quat, formulas.quat_from_mat
 

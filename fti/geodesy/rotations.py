@@ -6,13 +6,12 @@ A matrix is named by two frames: ``mat_nb`` transforms b to n.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy import formulas
 from fti.geodesy.formulas import Rows
 from fti.kernel import flatten, kernel
-
-Array = NDArray[np.float64]
 
 _mat_nb, _mat_en, _rpy_of = formulas.mat_nb, formulas.mat_en, formulas.rpy_from_mat
 

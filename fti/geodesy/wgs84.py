@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy import formulas
 from fti.kernel import flatten, kernel
-
-Array = NDArray[np.float64]
 
 _radii_of, _ecef_of, _geodetic_of = formulas.radii, formulas.ecef_from_geodetic, formulas.geodetic_from_ecef
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fti.config import Config
+from fti.constants import SECOND_NS
 from fti.devices import read_texts
 from fti.errors import MissingError
 from fti.hil.device_pipeline import DevicePipeline
@@ -49,7 +50,6 @@ from fti.terrain import demo_scene
 from fti.terrain.demo_region import demo_region
 from fti.terrain.terrain import Terrain
 
-SECOND_NS = 1_000_000_000
 #: Time for the lines to send their backlog after the flight.
 DRAIN_S = 2.0
 

@@ -8,8 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.config import Device
 from fti.errors import ConfigError
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
@@ -27,8 +28,6 @@ from fti.ranging.nearest import NearestReturn
 from fti.ranging.sensor import Poses, RangingSensor, Returns, sensor_poses
 from fti.ranging.weather import fog
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 CHECK_PERIOD_S = 1.0
 HEAT_RATIO = 1.4

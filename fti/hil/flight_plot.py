@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.hil.environment import Environment, calibrated_airspeed, impact_pressure
 from fti.hil.flight.trajectory import FlightState
 from fti.plot_style import BLUE, GREY, GROUND, VERMILION, label_axes, new_figure
-
-Array = NDArray[np.float64]
 
 SAMPLES = 2000
 #: Points across the map, and its margin around the track [m].

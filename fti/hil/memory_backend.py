@@ -11,12 +11,12 @@ from typing import ClassVar
 
 from fti.clock import Clock, FakeClock
 from fti.config import Link
+from fti.constants import SECOND_NS
 from fti.hil.ports.counters import EndpointCounters
 from fti.hil.ports.endpoints import Endpoint
 from fti.hil.ports.serial_base import Responder
 from fti.hil.scheduler import Stream
 
-SECOND_NS = 1_000_000_000
 #: FTI time at the beginning of every flight: 2026-01-01, 00:00 UTC.
 BEGIN_NS = 1_767_225_600 * SECOND_NS
 

@@ -22,11 +22,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO
 
+from fti.constants import SECOND_NS
 from fti.errors import FtiError, RecordingError
 from fti.logger.reading.recording import Recording
 from fti.messages.frames import TICK_LINK, RawFrame
 
-SECOND_NS = 1_000_000_000
 #: Frames per batch, and capacity of the pipe: seconds at usual rates.
 BATCH_FRAMES, PIPE_BYTES = 256, 1 << 20
 TERMINATE_TIMEOUT_S = 5.0

@@ -18,9 +18,10 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from fti.config import Config, LinkTable, UdpLink
+from fti.constants import SECOND_NS
 from fti.errors import MissingError
 from fti.hil.ports.endpoints import Endpoint, make_endpoint, open_endpoints, run_until
-from fti.hil.prefetch_process import SECOND_NS, PrefetchProcess, PrefetchRequest
+from fti.hil.prefetch_process import PrefetchProcess, PrefetchRequest
 from fti.hil.replay_clock import FrameStream, ReplayClock
 from fti.hil.report import TransmissionReport
 from fti.hil.scheduler import Scheduler

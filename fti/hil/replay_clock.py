@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 
+from fti.constants import SECOND_NS
 from fti.errors import MissingError
 from fti.hil.ports.endpoints import Endpoint
 from fti.latency_histogram import LatencyHistogram, LatencySummary
 from fti.messages.frames import RawFrame
 
-SECOND_NS = 1_000_000_000
 #: A longer pause is reported: in a snapshot it may last until the next trigger.
 MIN_PAUSE_S = 5.0
 

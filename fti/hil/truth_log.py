@@ -20,6 +20,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fti.config import Device
+from fti.constants import SECOND_NS
 from fti.hil.environment import Environment
 from fti.hil.ports.counters import EndpointCounters
 from fti.hil.sensors.intended_values import IntendedValues
@@ -27,7 +28,6 @@ from fti.logger.stream_writer import StreamWriter
 
 RATE_HZ = 25.0
 FLUSH_EVERY = 5
-SECOND_NS = 1_000_000_000
 TOPIC, LATE_TOPIC, END_TOPIC = "/truth/state", "/truth/late", "/truth/end"
 MEASUREMENT = "/truth/measurement/"
 SCENARIO_ATTACHMENT, RATES_ATTACHMENT = "scenario.json", "sent_rates.json"

@@ -17,7 +17,7 @@ import struct
 import sys
 from collections.abc import Sequence
 
-from fti.clock import SECOND_NS
+from fti.constants import SECOND_NS
 
 MAX_DATAGRAMS = 64  # datagrams in a call, so that no link starves another
 #: Slot of a datagram; slightly more than its maximum size, so that the first bytes use different cache sets.

@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from fti.clock import SECOND_NS, Clock, next_beat
+from fti.clock import Clock, next_beat
+from fti.constants import SECOND_NS
 from fti.errors import LinkError, PartialSendError
 from fti.links._beat_scheduler import schedule_early_poll
 from fti.messages.frames import LinkState

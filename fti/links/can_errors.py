@@ -13,7 +13,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fti import canframe
-from fti.clock import SECOND_NS
+from fti.constants import SECOND_NS
 
 #: Bit of the identifier -> class.
 CLASSES = {

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 
-from fti.clock import SECOND_NS
+from fti.constants import SECOND_NS
 
 ASK = b"F\r"
 FLAGS = {

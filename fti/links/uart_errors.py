@@ -15,7 +15,7 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from fti.clock import SECOND_NS
+from fti.constants import SECOND_NS
 
 TIOCGICOUNT = 0x545D
 _ICOUNTER = struct.Struct("@11i36x")  # cts dsr rng dcd rx tx frame overrun parity brk buf_overrun, reserved[9]

@@ -9,6 +9,7 @@ from typing import Any
 
 from msgspec import structs
 
+from fti.constants import SECOND_NS
 from fti.logger import foxglove, schemas
 from fti.logger.encoding import encode
 from fti.logger.log_layout import LogLayout, LogSettings
@@ -27,7 +28,6 @@ from fti.messages.topics import (
     output_topic,
 )
 
-SECOND_NS = 1_000_000_000
 #: Limit of buffered bytes: reprocessing at full speed never flushes.
 PENDING_LIMIT = 2**20
 

@@ -11,10 +11,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from fti.constants import SECOND_NS
 from fti.messages.outputs import Event, NavSolution
 
 Json = dict[str, Any]
-SECOND_NS = 1_000_000_000
 LOG_LEVELS = {"unknown": 0, "debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
 COVARIANCE_TYPES = {"unknown": 0, "approximated": 1, "diagonal_known": 2, "known": 3}
 

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from fti.constants import SECOND_NS
 from fti.logger.metadata_checksum import all_changed_tables, with_checksums
 from fti.logger.schemas import Schema
 from fti.logger.session import Kind, Numbering
 from fti.logger.storage_target import MEGABYTE
 from fti.logger.stream_writer import StreamWriter
 
-SECOND_NS = 1_000_000_000
 #: Name, media type, content.
 Attachment = tuple[str, str, bytes]
 Metadata = Mapping[str, Mapping[str, str]]

@@ -13,6 +13,7 @@ from itertools import count
 from pathlib import Path
 from typing import cast
 
+from fti.constants import SECOND_NS
 from fti.errors import FtiError, MissingError, StorageError
 from fti.logger.file_mode import make_folder
 from fti.logger.regular_file import why_not_regular
@@ -22,7 +23,6 @@ from fti.messages.topics import FileKind
 CONFIG_ATTACHMENT = "config.toml"
 #: Kind of a file of a session.
 Kind = FileKind
-_SECOND_NS = 1_000_000_000
 _FILE = re.compile(r"(?:_(?P<kind>derived|truth|snapshot))?_(?P<number>\d{3,})\.mcap$")
 
 
@@ -41,7 +41,7 @@ class SessionFolder:
         n is the smallest number free in ``directory`` and in ``other``, the fallback directory.  Raises StorageError.
         """
         parent = Path(directory)
-        stem = f"{name}_{datetime.fromtimestamp(started_ns // _SECOND_NS, UTC):%Y%m%dT%H%M%SZ}"
+        stem = f"{name}_{datetime.fromtimestamp(started_ns // SECOND_NS, UTC):%Y%m%dT%H%M%SZ}"
         try:
             parent.mkdir(parents=True, exist_ok=True)
             for n in count():

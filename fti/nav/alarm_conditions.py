@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from fti.alarms.condition import Condition, ConditionReport, Severity, device_id, in_title
 from fti.config import Config, position_sources
+from fti.constants import SECOND_NS
 from fti.messages.outputs import (
     ClearanceIntegrity,
     Event,
@@ -27,7 +28,6 @@ from fti.messages.outputs import (
     SourceValidity,
 )
 from fti.messages.reasons import Reason
-from fti.nav.time_series import SECOND_NS
 from fti.reason_texts import describe_reasons
 
 #: Altimeter outside its range; no alarm, except on an approach.

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fti.nav.time_series import SECOND_NS
+from fti.constants import SECOND_NS
 
 #: Time after its last measurement for which another source, or an altimeter, bounds the altitude [ns].
 OTHER_NS, HOLD_NS = 2 * SECOND_NS, 5 * SECOND_NS

@@ -24,6 +24,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from fti.config import AlertLimits, Config
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.outputs import FilterMode, FilterSolution
 from fti.messages.reasons import Reason
@@ -31,7 +32,6 @@ from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.filter_attitude import MIN_AIDING_NS
 from fti.nav.protection import K_AXIS, K_RADIAL
 from fti.nav.source_interpolation import AttitudeState, NavSource
-from fti.nav.time_series import SECOND_NS
 
 #: Time between two comparisons, and maximum age of a solution of the filter in one [ns].
 STEP_NS, MAX_AGE_NS = SECOND_NS // 5, SECOND_NS // 2

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 from fti.config import Filter
+from fti.constants import SECOND_NS
 from fti.messages.measurements import Airspeed, MagneticField, Measurement
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.dead_reckoning import MagneticHeading, TrueAirspeed
-from fti.nav.time_series import SECOND_NS
 
 #: Period of aiding by each of them [ns].
 AIRSPEED_NS, HEADING_NS = 5 * SECOND_NS, SECOND_NS

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from fti.constants import SECOND_NS
 from fti.messages.outputs import Event
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.exclusion import Cause, Exclusion
 from fti.nav.filter.navigator import InertialNavigator
-from fti.nav.time_series import SECOND_NS
 
 
 def altitude_name(sensor: str) -> str:

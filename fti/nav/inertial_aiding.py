@@ -19,6 +19,7 @@ from typing import Any
 from msgspec import structs
 
 from fti.config import Device, Filter
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import down_row
 from fti.messages.measurements import (
     Airspeed,
@@ -70,7 +71,7 @@ from fti.nav.source_interpolation import (
     level_velocity,
 )
 from fti.nav.terrain_reference import Ground
-from fti.nav.time_series import SECOND_NS, Series
+from fti.nav.time_series import Series
 from fti.nav.vertical.inertial_height import HorizontalMotion
 from fti.nav.vertical.vertical_channel import HeightAiding, VerticalChannel, VerticalState
 

@@ -22,12 +22,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import geodetic_from_ecef
-
-Array = NDArray[np.float64]
 
 #: Convergence limit of the iteration [m], and its maximum number of steps.
 CLOSE_M, STEPS = 1e-4, 12

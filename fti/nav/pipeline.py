@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from fti.config import Config
+from fti.constants import SECOND_NS
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Velocity
 from fti.messages.outputs import Event, FilterSolution, HeightAboveGround, Output
 from fti.messages.reasons import Reason
@@ -37,7 +38,6 @@ from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.protection import Protection, extrapolate_levels, unstated_sigmas
 from fti.nav.source_interpolation import NavSource
 from fti.nav.terrain_reference import Ground
-from fti.nav.time_series import SECOND_NS
 
 if TYPE_CHECKING:
     from fti.nav.fallbacks import Fallbacks

@@ -15,9 +15,10 @@ from math import inf
 from msgspec import Struct
 
 from fti.config import Device
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import dot, down_row, mat_nb, metres_per_radian, rotate, wrap_half_turn
 from fti.messages.measurements import Attitude, Position, Velocity
-from fti.nav.time_series import SECOND_NS, Series, Value
+from fti.nav.time_series import Series, Value
 
 #: Limits of plausible values [rad, m, m/s]: some devices send larger ones if they are unknown, or after line errors.
 #: Angles in single precision exceed their limit by up to 2e-7.

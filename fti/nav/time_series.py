@@ -6,11 +6,11 @@ from bisect import bisect_left, bisect_right
 
 from msgspec import Struct
 
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import wrap_half_turn
 
 #: Number of stored entries: 0.6 s of a source at 400 Hz.
 MAX_ENTRIES = 256
-SECOND_NS = 1_000_000_000
 
 
 #: A value, None if the source declared it invalid, and its sigma.

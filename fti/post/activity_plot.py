@@ -11,10 +11,11 @@ from html import escape
 from itertools import groupby
 from pathlib import Path
 
+from fti.constants import SECOND_NS
 from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
 from fti.new_file import write_new_file
-from fti.post.overview import CONTINUOUS, SECOND_NS, Overview
+from fti.post.overview import CONTINUOUS, Overview
 
 WIDTH, LEFT, RIGHT = 1280, 248, 1252
 HEAD, LANE, ROW, STRIP, FOOT = 104, 17, 36, 24, 92

@@ -17,6 +17,7 @@ from typing import Any
 
 from fti.clock import FakeClock
 from fti.config import Config
+from fti.constants import SECOND_NS
 from fti.devices import bind_devices, parse_reference, read_texts
 from fti.hil.emulator import Emulator, make_environment
 from fti.hil.environment import Environment
@@ -39,7 +40,6 @@ from fti.service.navigation.terrain_loader import load_terrain
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.health import HealthBoard
 
-SECOND_NS = 1_000_000_000
 #: Ticks of the daemon before the flight begins.
 LEAD_TICKS = 50
 HEALTH_PERIOD_S = 0.5

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fti.config import decode_text, parse_toml
+from fti.constants import SECOND_NS
 from fti.errors import ConfigError
 from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.logger.reading.mcap_file import McapFile
@@ -18,7 +19,6 @@ from fti.logger.statistics.topic_stats import RecordingStatistics, TopicStatisti
 from fti.messages.measurements import TimeScale
 from fti.messages.topics import RAW_PREFIX, SENT_PREFIX
 
-SECOND_NS = 1_000_000_000
 CONTINUOUS = "continuous"
 
 

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Ints
 from fti.config import Device
 from fti.devices import BoundDevice
 from fti.drivers import Decoder
@@ -25,11 +25,9 @@ from fti.messages.topics import CLOCK_TOPIC
 from fti.nav.device_time.clock_estimator import ClockEstimator, ClockSegment
 from fti.nav.device_time.device_times import device_time_of
 
-Ints = NDArray[np.int64]
 #: Called with the number of frames done.
 Progress = Callable[[int], None]
 
-SECOND_NS = 1_000_000_000
 PROGRESS_FRAMES = 5000
 #: The real-time clock was set when it moved against the monotonic clock by more than the errors of both readings.
 STEP_NS = 100_000

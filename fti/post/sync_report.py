@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from fti.arrays import Ints
+from fti.constants import SECOND_NS
 from fti.nav.device_time.clock_estimator import NEAR_FACTOR, NEAR_NS, ClockSegment
-from fti.post.sync import SECOND_NS, DeviceClockSeries, Ints, Sync
+from fti.post.sync import DeviceClockSeries, Sync
 
 #: Columns of a plotted curve: each keeps its earliest and its latest message.
 BINS = 700

@@ -19,12 +19,13 @@ from pathlib import Path
 import numpy as np
 from mcap.writer import Writer
 
+from fti.constants import SECOND_NS
 from fti.errors import ConfigError, StorageError
 from fti.logger import schemas
 from fti.nav.device_time.clock_estimator import ClockSegment
 from fti.nav.device_time.delay_envelope import EnvelopeLine, fit_line
 from fti.new_file import write_new_file
-from fti.post.sync import SECOND_NS, ComputerClock, DeviceClockSeries, Sync
+from fti.post.sync import ComputerClock, DeviceClockSeries, Sync
 
 HOUR_NS = 3600 * SECOND_NS
 STEP_NS = 600 * SECOND_NS

@@ -23,12 +23,10 @@ import math
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array, Codes
 from fti.ranging.sensor import Validity
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 #: Limit of the error e [sigmas]: exceeded once in a thousand.
 MAX_ERROR_SIGMAS = 3.29

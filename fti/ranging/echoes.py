@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array, Codes
 from fti.ranging.frames import mat_sm
 from fti.terrain.ray_outcome import RayOutcome
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 #: Rings of rays in a footprint that has a width: 1 + 6 + 12 rays.
 RINGS = 2

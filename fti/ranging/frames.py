@@ -16,12 +16,11 @@ Source: Spiegel 2018, section 2.1.6, as corrected in docs/errata.md.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy.rotations import mat_en, rotate
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
-
-Array = NDArray[np.float64]
 
 
 def _rotate_back(mat: ArrayLike, vec: ArrayLike) -> Array:

@@ -18,13 +18,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.ranging.laser import Laser
 from fti.ranging.sensor import Poses, RangingSensor, Returns
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -28,15 +28,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array, Codes
 from fti.ranging.baselines import MAX_ERROR_SIGMAS, Baselines
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 #: Number of local minima, windows of 7 x 7 rays around each, and ratio of the widths of consecutive windows.
 _CANDIDATES, _WINDOWS, _WINDOW_RATIO = 3, 18, 0.5

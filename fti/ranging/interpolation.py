@@ -22,9 +22,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array
 from fti.ranging.sensor import Poses
-
-Array = NDArray[np.float64]
 
 #: Maximum rotation between epochs [rad]: near half a turn its direction is ambiguous.
 MAX_TURN_RAD = 3.0

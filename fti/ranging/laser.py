@@ -28,8 +28,8 @@ from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Codes, Mask
 from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.echoes import PulseEchoes, beams, merge_echoes, pulse_outcome
 from fti.ranging.error_model import RangeError
@@ -39,10 +39,6 @@ from fti.ranging.weather import Cloud, CloudLayers, cross_clouds
 from fti.terrain.landscape import Cover
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 #: Pulses per chunk: all footprints of a minute of a scanner would need gigabytes.
 _CHUNK = 1 << 14

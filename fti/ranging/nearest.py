@@ -16,13 +16,11 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.ranging.sensor import Poses, RangingSensor, Returns
 from fti.terrain.nearest_ray import cast_bundle_min
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 REFINE_STEPS = 5
 

@@ -26,8 +26,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import rotate
 from fti.geodesy.rotations import rows_of
 from fti.kernel import kernel
@@ -37,8 +37,6 @@ from fti.terrain.pyramid import Pyramid
 from fti.terrain.ray_cast import cast_one
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 RINGS = 8
 #: Extent of the rays in half beams, and their maximum angle: there is no ground beyond the horizontal.

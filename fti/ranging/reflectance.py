@@ -29,9 +29,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.terrain.landscape import Cover
-
-Array = NDArray[np.float64]
 
 #: Land cover everywhere, or numbers of ``Cover`` at east, north [m] (``Landscape.cover_at``).
 CoverAt = Cover | Callable[[Array, Array], NDArray[np.uint8]]

@@ -21,15 +21,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.interpolation import interpolate_poses
 from fti.ranging.laser import Laser
 from fti.ranging.sensor import Poses, RangingSensor, Returns
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 
 def max_pulse_rate(max_range: float) -> float:

@@ -16,13 +16,12 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array, Codes
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_from_rpy, rotate
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 Triple = Sequence[ArrayLike]  # of three numbers or arrays
 
 

@@ -29,9 +29,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 LIDAR_RATIO = 18.8
 WAVELENGTH = 905e-9

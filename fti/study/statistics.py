@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fti.study.arrays import Array, Rng
+from fti.arrays import Array, Rng
 
 RESAMPLINGS = 4000
 #: One-sided level of all sign tests of a study together; each of m tests has the m-th part of it.

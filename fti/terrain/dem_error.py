@@ -17,12 +17,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array, Rng
 from fti.terrain.landscape import Cover, Landscape, SensedSurface
 from fti.terrain.synthetic import fft_shape, forest
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Rng = np.random.Generator
 
 _FAR = 6.0  # margin in lengths, so that both sides of the field are uncorrelated: exp(-6) is 0.25 %
 

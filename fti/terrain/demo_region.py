@@ -9,16 +9,15 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.terrain.demo_scene import demo_scene, strip_edges, track_point
 from fti.terrain.grid import load_jacksboro
 from fti.terrain.layer import Layer
 from fti.terrain.surface import gather, look_up
 from fti.terrain.synthetic import fractal_relief, smooth_step
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 #: Distance of the posts of the region [m]; those of the elevation are 75 to 93 m apart.
 CELL_M = 40.0

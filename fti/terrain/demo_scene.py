@@ -21,13 +21,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import radii
 from fti.terrain.grid import ElevationGrid, cubic_weights, load_jacksboro
 from fti.terrain.synthetic import buildings, fields, forest, fractal_relief, ridges, smooth_step
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 #: The published approach of the scene.
 DEMO_AIRFIELD = Path(__file__).parent / "data" / "demo_airfield.toml"

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 JACKSBORO = Path(__file__).parent / "data" / "jacksboro_fault_dem.npz"
 

@@ -13,12 +13,10 @@ from enum import IntEnum
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array, Codes
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 #: Value of ``Landscape.cover_at`` outside the coverage.
 NO_COVER = 255

@@ -7,16 +7,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Codes
 from fti.kernel import kernel
 from fti.terrain.pyramid import Pyramid, PyramidAddresses, layers_at
 from fti.terrain.ray_cast import first_event
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.surface import locate
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 #: Maximum moves of the search per halving of its step, to limit a walk along a level ridge.
 _MOVES = 4

@@ -23,10 +23,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.kernel import kernel
 from fti.terrain.surface import LAYER, Posts, Records, locate
 
-Array = NDArray[np.float64]
 Maxima = NDArray[np.float32]
 
 _LINE_BYTES = 64

@@ -23,9 +23,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fti.arrays import Array, Codes
 from fti.kernel import kernel
 from fti.terrain.pyramid import (
     Pyramid,
@@ -39,9 +37,6 @@ from fti.terrain.pyramid import (
 )
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.surface import ON_EDGE, Posts, locate, surface
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 #: Initial level of a ray: nodes of 64 x 64 cells.  It ascends where the ground is far.
 _BEGIN = 3

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.terrain.layer import Layer
 from fti.terrain.surface import gather, look_up
-
-Array = NDArray[np.float64]
 
 #: Maximum distance of outermost posts from the coarser surface [m]: rounding, also of single precision files.
 SEAM_M = 1e-3

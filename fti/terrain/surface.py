@@ -21,10 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.kernel import kernel
 from fti.terrain.layer import Layer
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Records = NDArray[np.void]
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array, Rng
 from fti.terrain.terrain import Terrain
 
-Array = NDArray[np.float64]
-Rng = np.random.Generator
 Shape = tuple[int, int]
 
 _FFT_BLOCK = 64  # sizes for the transform are multiples of this: small prime factors

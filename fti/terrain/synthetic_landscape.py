@@ -18,16 +18,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Codes, Mask, Rng
 from fti.terrain.landscape import Cover, Landscape
 from fti.terrain.synthetic import buildings, fields, forest, fractal_relief, irregular_steps, smooth_step
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
-Rng = np.random.Generator
 
 #: Default origin of the landscapes [rad, rad, m].
 LAT0, LON0, ALT0 = float(np.radians(48.0)), float(np.radians(11.5)), 500.0

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array
 from fti.geodesy.local import LocalFrame
 from fti.kernel import flatten
 from fti.terrain import surface
@@ -32,7 +33,6 @@ from fti.terrain.ray_cast import cast_rays
 from fti.terrain.resampling import ResamplingError
 from fti.terrain.seams import check_stack
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
 
 #: The point above a latitude and longitude moves with its height by d h / R; each step divides the error by > 1000.

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.wgs84 import radii
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
-Array = NDArray[np.float64]
 #: Measurement and field -> quantity of the truth, where the names differ.
 TRUTH_OF: Mapping[tuple[str, str], str] = {
     ("velocity", "north"): "vel_north",

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 
+from fti.constants import SECOND_NS
 from fti.hil.tables.fault_types import Fault
 from fti.hil.truth_log import TOPIC
 from fti.logger.reading.mcap_file import McapFile
@@ -14,7 +15,6 @@ from fti.testing.errors import BenchError
 from fti.testing.session_topics import SessionTopics
 from fti.testing.topic import FlightContext, Topic
 
-SECOND_NS = 1_000_000_000
 #: A failure message states a larger lateness of the emulator [s].
 LATE_S = 0.15
 

@@ -10,15 +10,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.hil.tables.fault_types import Fault
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 from fti.testing.deviations import TruthDeviations, compare
 from fti.testing.flags import Condition, show, spans_of
-
-Array = NDArray[np.float64]
 
 
 class FlightContext(NamedTuple):

@@ -7,8 +7,8 @@ from pathlib import Path
 import can
 import pytest
 
-from fti.clock import SECOND_NS
 from fti.config import CanLink
+from fti.constants import SECOND_NS
 from fti.links.can import pack_message
 from fti.links.can_errors import ControllerWatch, classes_of, count_error, is_error
 from tests.helpers import until_async

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.canframe import pack_can, unpack_can
-from fti.clock import SECOND_NS
+from fti.constants import SECOND_NS
 from fti.links.slcan import Lawicel, format_frame
 from fti.links.slcan_status import FLAGS, MAX_UNANSWERED, StatusWatch
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.nav.device_time.delay_envelope import MIN_SAMPLES, Array, fit_line, student_95
+from fti.arrays import Array
+from fti.nav.device_time.delay_envelope import MIN_SAMPLES, fit_line, student_95
 
 SECOND = 1e9
 MS = 1e6

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from fti.constants import SECOND_NS
 from fti.service.navigation.backlog import (
     EVENT_PERIOD_NS,
     MAX_WAIT_NS,
     MIN_IDLE_COUNT,
     MIN_IDLE_NS,
-    SECOND_NS,
     BacklogPolicy,
     SkipReporter,
 )

@@ -7,9 +7,10 @@ import struct
 
 from msgspec import Struct
 
+from fti.constants import SECOND_NS
 from fti.drivers._framing import Skip, skip_to
 from fti.drivers.imar_ixcom.status import Footer, decode_footer
-from fti.formats.device_time import SECOND_NS, gps_ns, gps_week
+from fti.formats.device_time import gps_ns, gps_week
 from fti.messages.measurements import Stamp, TimeScale
 
 SYNC = b"\x7e"

@@ -16,9 +16,9 @@ import struct
 
 from msgspec.structs import replace
 
-from fti.constants import SPEED_OF_LIGHT
+from fti.constants import SECOND_NS, SPEED_OF_LIGHT
 from fti.drivers.novatel_oem6.framing import NovatelHeader
-from fti.formats.device_time import GPS_EPOCH_UTC_NS, SECOND_NS, gps_ns, gps_week, utc_date
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, gps_ns, gps_week, utc_date
 from fti.messages.measurements import DeviceTime, Measurement, Reading, ReceiverClock, Stamp, TimeScale
 
 TIME = struct.Struct("<IdddIBBBBII")

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
+from fti.constants import SECOND_NS
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip
 from fti.drivers.novatel_oem6 import commands, messages
@@ -22,7 +23,7 @@ from fti.drivers.novatel_oem6.observations import encode_range
 from fti.drivers.novatel_oem6.sky import encode_psrdop, encode_satvis2
 from fti.drivers.novatel_oem6.solution import encode_bestpos, encode_bestvel
 from fti.drivers.novatel_oem6.status import encode_rxstatus, encode_words
-from fti.formats.device_time import SECOND_NS, device_time_ns, gps_week
+from fti.formats.device_time import device_time_ns, gps_week
 from fti.messages.measurements import (
     DeviceStatus,
     DeviceTime,

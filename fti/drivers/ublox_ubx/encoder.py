@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from fti.constants import SECOND_NS
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers.ublox_ubx import commands
@@ -18,7 +19,7 @@ from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS
 from fti.drivers.ublox_ubx.sky import make_sat
 from fti.drivers.ublox_ubx.table import NAMES, OUTPUTS, PORTS
 from fti.drivers.ublox_ubx.times import make_clock
-from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, device_time_ns, utc_date
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS, device_time_ns, utc_date
 from fti.messages.measurements import (
     Ack,
     DeviceStatus,

@@ -6,8 +6,9 @@ import math
 import struct
 from datetime import date
 
+from fti.constants import SECOND_NS
 from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS, ReceiverState, metres
-from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S, gps_ns, utc_ns
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS, WEEK_S, gps_ns, utc_ns
 from fti.geodesy.formulas import geodetic_from_ecef, mat_en, rotate_back, wrap_heading
 from fti.messages.measurements import (
     Attitude,

@@ -9,10 +9,11 @@ import math
 import struct
 from collections.abc import Iterable
 
+from fti.constants import SECOND_NS
 from fti.drivers.ublox_ubx.frames import PayloadShape, frame
 from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.drivers.ublox_ubx.sky import SYSTEMS, system
-from fti.formats.device_time import SECOND_NS, WEEK_S, gps_ns, gps_week
+from fti.formats.device_time import WEEK_S, gps_ns, gps_week
 from fti.messages.measurements import Measurement, Pseudorange, Pseudoranges, Stamp, TimeScale
 
 HEAD = struct.Struct("<dHbBBBxx")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from fti.constants import SECOND_NS
 from fti.drivers._lnav import Subframe
-from fti.formats.device_time import SECOND_NS, WEEK_S, gps_ns
+from fti.formats.device_time import WEEK_S, gps_ns
 from fti.messages.measurements import Stamp, TimeScale
 
 WEEK_MS = WEEK_S * 1000

@@ -5,9 +5,10 @@ from __future__ import annotations
 import struct
 from datetime import date
 
+from fti.constants import SECOND_NS
 from fti.drivers.ublox_ubx.frames import frame
 from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS, ReceiverState
-from fti.formats.device_time import SECOND_NS, gps_ns, utc_ns
+from fti.formats.device_time import gps_ns, utc_ns
 from fti.messages.measurements import DeviceTime, Measurement, ReceiverClock, Stamp, TimeScale
 
 TIMEGPS = struct.Struct("<IihbBI")

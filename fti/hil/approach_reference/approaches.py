@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.hil.approach_reference.receivers import ReceiverVariant, measure
 from fti.hil.sensors.errors import gauss_markov_noise, white_noise
 from fti.messages.outputs import ClearanceIntegrity
@@ -27,8 +27,6 @@ from fti.ranging.nearest import NearestReturn
 from fti.ranging.radar.altimeter import quantisation_steps
 from fti.ranging.sensor import Poses, sensor_poses
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 START_NS = 1_000_000_000
 #: Height errors decrease linearly within this distance to go [m].

@@ -19,8 +19,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.config import Approach
 from fti.errors import ConfigError
 from fti.hil.approach_reference.approaches import ApproachGround, TerrainGround, run_monitor, simulate, track_of
@@ -42,8 +42,6 @@ from fti.nav.integrity.batch_monitor import BatchMonitor, WindowBatch
 from fti.nav.integrity.monitor import OBSERVABLE_MARGIN, ClearanceMonitor
 from fti.nav.integrity.reference import ApproachReference, Detection, Limits, ReferenceHeader, ReferenceProfile
 from fti.nav.integrity.statistics import WIDTHS_M
-
-Array = NDArray[np.float64]
 
 TESTS = ("t1", "t2", "t3", "t4")
 METHOD = "maxima of each approach, quantile 1 - pfa/4, generalised-Pareto tail by probability-weighted moments"

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.errors import MissingError
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.recording import Recording
@@ -23,8 +24,6 @@ from fti.messages.reasons import Reason
 from fti.nav.altimetry.altimeter_channel import TERRAIN_REASONS
 from fti.nav.altimetry.sigmas import POSITION_SD_UNKNOWN
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
-
-Array = NDArray[np.float64]
 
 HEIGHT, SOLUTION = "/nav/height_above_ground/", "/nav/nav_solution"
 #: Maximum gap between solutions for interpolation [s].

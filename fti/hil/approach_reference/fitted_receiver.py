@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from fti import config as configuration
+from fti.arrays import Array
 from fti.config import Altimeter, Device
 from fti.errors import ConfigError
 from fti.hil.approach_reference.fit_samples import FitSamples
@@ -26,7 +27,6 @@ from fti.hil.approach_reference.receivers import ReceiverVariant
 from fti.nav.integrity.reference import ReferenceSensor
 from fti.terrain.terrain import Terrain
 
-Array = NDArray[np.float64]
 Model = Literal["nearest", "beam", "laser"]
 
 #: Entries of the first table of nearest returns [deg]; step of the second one, number of steps to each side, and

@@ -19,8 +19,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.config import Approach
 from fti.hil.approach_reference.approaches import SimulatedApproach, TerrainGround, run_monitor, simulate, track_of
 from fti.hil.approach_reference.options import Progress, ReferenceOptions, TaskRunner, run_serially
@@ -32,8 +32,6 @@ from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import ApproachReference, Obstacles
 from fti.terrain.layer import Layer
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 PD, CONFIDENCE = 0.97, 0.95
 WIDTHS_M = (30.0, 60.0, 100.0)

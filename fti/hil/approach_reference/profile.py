@@ -14,14 +14,13 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.errors import ConfigError
 from fti.hil.approach_reference.approaches import ApproachGround, SimulatedApproach, draw_profile, simulate
 from fti.hil.approach_reference.options import WINDOW_M, Progress, ReferenceOptions, TaskRunner, run_serially
 from fti.nav.integrity.reference import MIN_CORRELATIONS, grid
-
-Array = NDArray[np.float64]
 
 DS_M = 5.0
 SD_FLOOR_M = 0.5

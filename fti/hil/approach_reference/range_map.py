@@ -15,14 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.hil.approach_reference.approaches import NOMINAL, AltimeterModel, TerrainGround, approach_altitude
 from fti.hil.approach_reference.options import TaskRunner, run_serially
 from fti.hil.approach_reference.receivers import ReceiverVariant, measure, stated_receiver
 from fti.kernel import kernel
 from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 #: Steps and starts of s, y [m], and of roll and pitch about their means [rad]; s is symmetric beyond s_max.
 STEP_S, STEP_Y, STEP_TILT = 5.0, 12.5, float(np.radians(3.0))

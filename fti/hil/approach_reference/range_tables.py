@@ -16,8 +16,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.config import Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.approach_reference.fit_samples import FitSamples
@@ -31,7 +31,6 @@ from fti.ranging.sensor import Poses, RangingSensor, Validity, sensor_poses
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
-Array = NDArray[np.float64]
 Advance = Callable[[], None]
 
 #: Maximum predicted range, relative to that of the altimeter: as in the live prediction.

@@ -34,10 +34,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.hil.approach_reference.fit_samples import FitSamples
 from fti.hil.approach_reference.range_tables import RangeTable
-
-Array = NDArray[np.float64]
 
 #: Tuning constant of the biweight: 95 % efficiency for normal errors.
 TUKEY = 4.685

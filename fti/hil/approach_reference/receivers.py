@@ -29,6 +29,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.rotations import mat_from_rpy
 from fti.kernel import kernel
 from fti.nav.integrity.reference import ReferenceSensor
@@ -39,8 +40,6 @@ from fti.ranging.sensor import Poses
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 ReceiverModel = Literal["drawn", "edge", "nearest", "fitted"]
 

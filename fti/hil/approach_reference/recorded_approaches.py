@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.config import Approach
 from fti.errors import ConfigError, MissingError
 from fti.hil.approach_reference.approaches import AltimeterModel
@@ -41,8 +42,6 @@ from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.reference import MARGIN_M, ApproachReference, fits, grid
 from fti.nav.integrity.window import MAX_BACKWARD_M
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
-
-Array = NDArray[np.float64]
 
 #: Minimum number of approaches of a reference, and at each place: with two, sigma would be multiplied by 16.
 MIN_APPROACHES, MIN_APPROACHES_AT_POINT = 5, 3

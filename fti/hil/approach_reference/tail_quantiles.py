@@ -12,9 +12,8 @@ Sources: Hosking and Wallis 1987, Technometrics 29 (probability-weighted moments
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 #: Minimum number of exceedances for the empirical quantile.
 MIN_EXCEEDANCES = 10

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
+from fti.constants import SECOND_NS
 from fti.devices import BoundDevice
 from fti.hil.faults.applicability import applies_to
 from fti.hil.faults.values import is_active
 from fti.hil.tables.fault_types import ClockDrift, ClockJump, Fault
 from fti.messages.measurements import Measurement, Stamp, TimeScale
-
-SECOND_NS = 1_000_000_000
 
 
 class ClockFaults:

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Mask
 from fti.hil.tables.fault_types import Fault, GnssDegraded, GnssOffset, GnssOutage, GnssRamp
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 #: Drivers of receivers, and of devices that may contain one.
 RECEIVER_DRIVERS = frozenset({"mavlink", "nmea0183", "novatel_oem6", "ublox_ubx"})
 DRIVERS_WITH_RECEIVER = frozenset({"arinc429", "ascii_line", "binary_struct", "dbc", "imar_ixcom"}) | RECEIVER_DRIVERS

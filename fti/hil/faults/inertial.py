@@ -6,12 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import STANDARD_GRAVITY
 from fti.hil.tables.fault_types import Fault, InertialBias
-
-Array = NDArray[np.float64]
 
 DEG_PER_HOUR = math.radians(1.0) / 3600.0
 

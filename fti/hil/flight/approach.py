@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.hil.flight.coordinated_flight import coordinated_flight
 from fti.hil.flight.trajectory import PositionTrack, SplineFlight
-
-Array = NDArray[np.float64]
 
 KNOT_S = 1.0
 MARGIN_KNOTS = 8  # beyond both ends, so that the end conditions of the spline have no effect

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.kernel import kernel
-
-Array = NDArray[np.float64]
 
 
 def solve_banded(band: Array, right: Array) -> Array:

@@ -9,13 +9,11 @@ Source: Spiegel 2018, 7.1 (derived attitude); Etkin and Reid, Dynamics of Flight
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.rotations import mat_en
 from fti.hil.flight.trajectory import PositionTrack, SplineFlight
-
-Array = NDArray[np.float64]
 
 #: Angle of attack at the reference speed in straight flight [rad].
 TRIM_AOA = np.deg2rad(4.0)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.errors import ConfigError
 from fti.geodesy.atmosphere import Atmosphere
 from fti.hil.flight.approach import ApproachPlan, Manoeuvre, approach_flight
@@ -24,8 +24,6 @@ from fti.hil.tables.jsbsim_options import JsbsimFlight
 from fti.hil.tables.schema import Scenario
 from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

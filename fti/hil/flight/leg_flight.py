@@ -14,14 +14,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.sensor import Poses
-
-Array = NDArray[np.float64]
 
 MAX_LOAD = 6.0
 TRIM_AOA = np.deg2rad(3.0)

@@ -8,14 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Rng
 from fti.hil.flight.trajectory import SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.nav.integrity.approach import EARTH_RADIUS
-
-Array = NDArray[np.float64]
-Rng = np.random.Generator
 
 BANK = np.deg2rad(25.0)
 #: Of the routes: length of a leg [m], change of course [rad], height [m], speed [m/s], wind [m/s], latitude [deg].

@@ -16,15 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fti.errors import ConfigError, MissingError
 from fti.hil.flight.session import read_session
 from fti.hil.flight.smoothing import FlightFit, fit
 from fti.hil.flight.trajectory import FlightSamples, SplineFlight
 from fti.hil.tables.flights import RecordedFlight
-
-Array = NDArray[np.float64]
 
 TIME, ALTITUDE = "t_s", "alt_m"
 ANGLES = ("lat_deg", "lon_deg", "roll_deg", "pitch_deg", "heading_deg")

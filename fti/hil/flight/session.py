@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from fti.config import Config, decode_text
+from fti.constants import SECOND_NS
 from fti.devices import BoundDevice, bind_devices
 from fti.errors import ConfigError
 from fti.hil.flight.trajectory import FlightSamples
@@ -22,7 +23,6 @@ from fti.messages.measurements import Attitude, Measurement, Position
 from fti.nav.device_time.device_times import DeviceTimes
 from fti.nav.source_interpolation import NavSource
 
-SECOND_NS = 1_000_000_000
 #: A position is joined with attitudes that follow within this time [ns].
 JOIN_TIMEOUT_NS = SECOND_NS // 5
 #: t [ns], lat, lon [rad], alt [m], roll, pitch, heading [rad].

@@ -20,13 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.quaternions import make_continuous, mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.hil.flight.banded_solver import solve_banded
 from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight, check_times
-
-Array = NDArray[np.float64]
 
 ORDER = 3
 NAMES = ("t", "lat", "lon", "alt", "roll", "pitch", "heading")

@@ -13,9 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array
 from fti.hil.flight.banded_solver import solve_banded
-
-Array = NDArray[np.float64]
 
 DEGREE = 5
 #: Tolerance for times outside the points, for rounding errors [s].

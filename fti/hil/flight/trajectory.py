@@ -27,15 +27,14 @@ import copy
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy.gravity import transport_rate
 from fti.geodesy.quaternions import make_continuous, mat_from_quat, quat_from_mat, rate_from_quat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.hil.flight.spline import QuinticSpline
-
-Array = NDArray[np.float64]
 
 #: A longer interval between samples is a gap [s].
 MAX_GAP_S = 2.5

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
@@ -26,8 +26,6 @@ from fti.hil.flight.coordinated_flight import coordinated_flight
 from fti.hil.flight.trajectory import PositionTrack, SplineFlight
 from fti.hil.tables.flights import MAX_DURATION_S
 from fti.nav.integrity.approach import EARTH_RADIUS
-
-Array = NDArray[np.float64]
 
 #: Averaging time of positions, and knot interval of the spline [s].
 SMOOTH_S, KNOT_S = 6.0, 0.5

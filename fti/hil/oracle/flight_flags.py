@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fti.arrays import Mask
 from fti.config import Altimeter
 from fti.hil.oracle.flag_definitions import (
     GROUND_WORDS,
@@ -20,7 +21,7 @@ from fti.hil.oracle.flag_definitions import (
     FlagAllowance,
     monitor_recovery_s,
 )
-from fti.hil.oracle.roles import AircraftRoles, Mask, TruthSeries
+from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 from fti.messages.reasons import Reason
 from fti.nav.altimetry.validity import DEVIATION_M
 from fti.nav.integrity.go_around import GO_AROUND_CLIMB

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.oracle.flag_definitions import (
     CLOSURE_M,
@@ -30,7 +31,6 @@ from fti.hil.oracle.flag_definitions import (
     FaultCase,
     RuleResult,
 )
-from fti.hil.oracle.roles import Array, Mask
 from fti.hil.tables.fault_base import QuantityFault
 from fti.hil.tables.fault_types import Bias, Fog, Forced, GnssOffset, Noise, Ramp, Scale, Stuck, WrongUnit
 from fti.messages.reasons import Reason

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Mask
 from fti.config import Altimeter, Config, Device
 from fti.devices import BoundDevice
 from fti.hil.faults.fault_targets import sends_time
@@ -21,8 +21,6 @@ from fti.hil.tables.fault_types import CanStatus
 from fti.hil.tables.schema import SensorSettings
 from fti.terrain.demo_region import EDGE_M, edge_distance
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 #: Drivers whose protocol cannot declare a measurement, or the device, invalid.
 DRIVERS_WITHOUT_VALIDITY: frozenset[str] = frozenset(
     {"honeywell_hmr2300", "dbc", "ascii_line", "binary_struct", "canaerospace"}

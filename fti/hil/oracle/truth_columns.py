@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.config import Device
 from fti.hil.environment import Environment
-from fti.hil.oracle.roles import Array, TruthSeries
+from fti.hil.oracle.roles import TruthSeries
 from fti.hil.truth_log import RANGES, TruthRows
 
 #: Columns of a truth file that the oracle reads.

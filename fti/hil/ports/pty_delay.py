@@ -15,7 +15,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-SECOND_NS = 1_000_000_000
+from fti.constants import SECOND_NS
+
 PERIOD_S = 0.04
 #: Longer delays are reported [ns].
 LATE_NS = SECOND_NS // 10

@@ -17,9 +17,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, pressure_altitude
 from fti.hil.environment import HEAT_RATIO, Environment, calibrated_airspeed, impact_pressure
@@ -37,7 +38,6 @@ from fti.messages.measurements import (
     Temperature,
 )
 
-Array = NDArray[np.float64]
 Lag = Annotated[float, Field(ge=0, le=10)]
 
 STANDARD_PA = ISA_PRESSURE

@@ -6,9 +6,9 @@ import math
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.hil.environment import Environment
 from fti.hil.sensors.errors import white_noise
@@ -17,8 +17,6 @@ from fti.messages.measurements import DeviceStatus, Measurement, RadioHeight, Ra
 from fti.ranging.radar.altimeter import RadarAltimeter as FmcwAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.edge import edge_at
-
-Array = NDArray[np.float64]
 
 
 class RadarSettings(DeviceSettings):

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.drivers.arinc429 import Options, enabled_labels
 from fti.hil.environment import Environment
@@ -24,8 +24,6 @@ from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import declination
 from fti.hil.sensors.sensor_settings import settings_of
 from fti.messages.measurements import Deviation, DeviceStatus, Measurement, Reading, Stamp, Temperature, TimeScale
-
-Array = NDArray[np.float64]
 
 #: SI units of the readings; others are dimensionless.
 UNITS = {

@@ -6,8 +6,8 @@ The model provides all its quantities; the encoder sends those that the configur
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.hil.environment import Environment
 from fti.hil.flight.trajectory import FlightState
@@ -16,8 +16,6 @@ from fti.hil.sensors.altimeters import RadarAltimeterModel
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.gnss_reception import NAVIGATION, Reception
 from fti.messages.measurements import Attitude, Measurement, Position, Satellites, Stamp, Velocity
-
-Array = NDArray[np.float64]
 
 
 class HeadingReference:

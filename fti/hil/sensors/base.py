@@ -10,8 +10,9 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
+from fti.constants import SECOND_NS
 from fti.devices import BoundDevice
 from fti.drivers import Encoder
 from fti.errors import ConfigError
@@ -24,11 +25,8 @@ from fti.hil.sensors.mounting_error import make_model
 from fti.hil.tables.schema import SensorSettings
 from fti.messages.measurements import Measurement, Stamp, TimeScale
 
-Array = NDArray[np.float64]
-
 DRIFT_PPM_SD = 20.0
 JITTER_SD_MS = 0.3
-SECOND_NS = 1_000_000_000
 
 
 class SimulatedSensor:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.drivers.dbc import Options, text_of
 from fti.formats.dbc_makers import quantity_scale
@@ -18,8 +18,6 @@ from fti.hil.sensors.deflections import deflections
 from fti.hil.sensors.dme import Interrogator
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.messages.measurements import Measurement, Reading, Stamp, SurfaceDeflection
-
-Array = NDArray[np.float64]
 
 
 class AirDataUnit:

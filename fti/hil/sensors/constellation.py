@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
 from fti.geodesy.formulas import EARTH_RATE
-
-Array = NDArray[np.float64]
 
 #: Gravitational constant of the Earth [m^3/s^2] (IS-GPS-200).
 GM = 3.986005e14

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.drivers.deflection_pickups.factory_calibration import factory_tables
 from fti.drivers.deflection_pickups.table import MAX_RAW, CalibrationTable, read_tables
@@ -39,8 +40,6 @@ from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.errors import backlash, white_noise
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.messages.measurements import Measurement, Stamp, SurfaceDeflection
-
-Array = NDArray[np.float64]
 
 SPAN, CHORD = 13.4, 1.3  # [m]
 ROLL_GAIN, PITCH_GAIN, YAW_GAIN = 2.5, 12.0, 3.0  # deflection per non-dimensional rate

@@ -21,8 +21,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Mask
 from fti.constants import NAUTICAL_MILE
 from fti.geodesy.formulas import SEMI_MAJOR
 from fti.hil.environment import Environment
@@ -30,9 +30,6 @@ from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.messages.measurements import DmeRange, Measurement, Stamp
 from fti.terrain.ray_outcome import RayOutcome
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Stations: distance before and right of the threshold, height above it [m].
 STATIONS_M = (

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 KNOT_S = 1.0
 #: Remaining share of a sample that is neglected.

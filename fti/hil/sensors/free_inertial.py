@@ -23,15 +23,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.hil.flight.trajectory import FlightState, earth_frame_velocity
 from fti.nav.inertial.strapdown import POINTS, Motion, integrate
-
-Array = NDArray[np.float64]
 
 TAU_S = 100.0
 EARTH_RADIUS, GRAVITY = 6.371e6, 9.81

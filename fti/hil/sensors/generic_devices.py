@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.formats.described_fields import Field, FieldCodec
 from fti.hil.environment import Environment
@@ -18,8 +18,6 @@ from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.imagers import ImagerModel, pixel_indices
 from fti.hil.sensors.model import SensorModel
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
-
-Array = NDArray[np.float64]
 
 PERIOD_S = 60.0
 

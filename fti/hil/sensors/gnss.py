@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.constants import SPEED_OF_LIGHT
+from fti.arrays import Array
+from fti.constants import SECOND_NS, SPEED_OF_LIGHT
 from fti.devices import BoundDevice
-from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.environment import Environment
@@ -25,8 +26,6 @@ from fti.messages.measurements import (
     Stamp,
     TimeScale,
 )
-
-Array = NDArray[np.float64]
 
 
 class GnssReceiver:

@@ -23,8 +23,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Mask
 from fti.devices import BoundDevice
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import displace, ecef_from_geodetic
@@ -35,9 +35,6 @@ from fti.hil.sensors.constellation import Constellation, dilution
 from fti.messages.measurements import Position, Satellites, Stamp, Velocity
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 KNOT_S = 1.0
 REACQUIRE_S = 2.0

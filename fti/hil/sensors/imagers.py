@@ -14,9 +14,9 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field as Limited
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.errors import ConfigError
 from fti.formats.quantities import UNITS
@@ -27,8 +27,6 @@ from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
 from fti.ranging.scanner import RangeScanner
 from fti.ranging.sensor import RangingSensor
-
-Array = NDArray[np.float64]
 
 NAME = re.compile(r"range_(\d+)(?:_(\d+))?")
 NOISE_SD = 0.05

@@ -13,12 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.sensors.errors import flicker_noise, noise_of_density, quantize, random_walk
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

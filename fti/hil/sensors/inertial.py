@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.gravity import normal_gravity, transport_rate
@@ -33,8 +33,6 @@ from fti.hil.sensors.inertial_solution import (
 )
 from fti.hil.sensors.sensor_settings import settings_of
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, Stamp, TimeScale, Velocity
-
-Array = NDArray[np.float64]
 
 EARTH_RATE_E = np.array([0.0, 0.0, EARTH_RATE])
 

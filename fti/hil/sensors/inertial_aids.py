@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.drivers.imar_ixcom.deviations import ITEMS
 from fti.drivers.imar_ixcom.options import Options
@@ -32,7 +32,6 @@ from fti.messages.measurements import (
     Stamp,
 )
 
-Array = NDArray[np.float64]
 Measure = Callable[[int, Stamp], list[Measurement]]
 
 #: Rates of new data of the aids [Hz].

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Mask
 from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.formulas import SEMI_MAJOR
 from fti.geodesy.rotations import mat_from_rpy
@@ -28,9 +28,6 @@ from fti.hil.sensors.free_inertial import TAU_S, DriftSigmas, InertialSolution, 
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, GradeName, calibrate_gyros
 from fti.hil.tables.fault_base import NotNegative
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 POSITION_PERIOD_S, VELOCITY_PERIOD_S, ATTITUDE_PERIOD_S = 60.0, 20.0, 100.0
 #: Drift of a barometric height since it was set to the last fix [m], and correlation time [s]: assumed.

@@ -15,9 +15,9 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.geodesy.magnetic import magnetic_field_n
 from fti.geodesy.rotations import mat_from_rpy
@@ -26,8 +26,6 @@ from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.hil.tables.fault_base import NotNegative
 from fti.messages.measurements import MagneticField, Measurement, Stamp
-
-Array = NDArray[np.float64]
 
 #: Date of the magnetic model, the middle of its validity, because a flight has no date.
 YEAR = 2027.5

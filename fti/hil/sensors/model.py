@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.hil.environment import Environment
 from fti.messages.measurements import Measurement, Stamp, TimeScale
-
-Array = NDArray[np.float64]
 
 
 class SensorModel(Protocol):

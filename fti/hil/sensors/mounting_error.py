@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.hil.environment import Environment
 from fti.hil.faults.applicability import applies_to
-from fti.hil.sensors.model import Array, SensorModel, SensorModelType
+from fti.hil.sensors.model import SensorModel, SensorModelType
 from fti.hil.tables.fault_types import LeverArm
 from fti.messages.measurements import Measurement, Stamp
 

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
-from fti.constants import SPEED_OF_LIGHT
+from fti.arrays import Array
+from fti.constants import SECOND_NS, SPEED_OF_LIGHT
 from fti.devices import BoundDevice
-from fti.formats.device_time import LEAP_NS, SECOND_NS
+from fti.formats.device_time import LEAP_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.environment import Environment
@@ -37,8 +37,6 @@ from fti.messages.measurements import (
     Stamp,
     TimeScale,
 )
-
-Array = NDArray[np.float64]
 
 L1_HZ = 1575.42e6
 

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.devices import BoundDevice
 from fti.drivers import power_unit as driver
 from fti.errors import ConfigError
 from fti.hil.environment import Environment
 from fti.hil.power import PowerFeed, PowerUnit
 from fti.hil.scenario import Scenario
-from fti.hil.sensors.base import Array, SimulatedSensor
+from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.tables.fault_types import PowerFault
 from fti.hil.tables.schema import SensorSettings
 from fti.messages.measurements import Measurement, Reading, Stamp

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import structs
 
+from fti.constants import SECOND_NS
 from fti.errors import RecordingError
 from fti.logger.derived_log import STREAM_FIELD
 from fti.logger.export.columns import Column, Type
@@ -30,7 +31,6 @@ from fti.messages.outputs import HeightAboveGround, NavSolution
 from fti.messages.topics import EVENT_TOPIC, OUTPUT_CLASSES, OUTPUT_MAX_AGE_MS
 
 NAME = "resampled"
-SECOND_NS = 1_000_000_000
 #: Rows of a table: a day at 1000 Hz.
 MAX_ROWS = 86_400_000
 #: Rows that are composed at once.

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
+from fti.constants import SECOND_NS
 from fti.logger.export.resampled import has_signals
-
-SECOND_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)

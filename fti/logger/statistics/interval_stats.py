@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-SECOND_NS = 1_000_000_000
+from fti.constants import SECOND_NS
+
 #: The classes of the histogram: from 1 us to 1e7 s, each 1 % wide.
 MIN_INTERVAL_NS, RATIO, CLASSES = 1_000, 1.01, 3_010
 _LOG_RATIO = math.log(RATIO)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fti.constants import SECOND_NS
 from fti.logger.foxglove import LOG_LEVELS
 from fti.logger.reading.json_message import parse_table, whole_number
 from fti.logger.reading.limits import MAX_TEXT_LENGTH, check_topic_count
@@ -21,7 +22,6 @@ from fti.logger.statistics.alarm_spans import AlarmSpans
 from fti.logger.statistics.interval_stats import Intervals
 from fti.messages.topics import ALARM_TOPIC, CLOCK_TOPIC, DEVICE_CLOCK_TOPIC, EVENT_TOPIC, RAW_PREFIX, SENT_PREFIX
 
-SECOND_NS = 1_000_000_000
 #: The order of the topics in tables: links first.
 PREFIXES = (RAW_PREFIX, SENT_PREFIX, "/fti/")
 MAX_EVENTS = 1000

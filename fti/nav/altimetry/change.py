@@ -20,12 +20,12 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
+from fti.constants import SECOND_NS
 from fti.messages.reasons import Reason
 from fti.nav.altimetry.mismatch import MismatchTest
 from fti.nav.altimetry.observation import AltimeterObservation, Resolution
 from fti.nav.altimetry.scatter import ResidualScatter
 from fti.nav.altimetry.stuck_value import StuckTest
-from fti.nav.time_series import SECOND_NS
 
 #: Maximum time between samples without a gap [ns].
 MAX_GAP_NS = 3 * SECOND_NS

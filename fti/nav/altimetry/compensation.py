@@ -20,16 +20,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.config import Device, Vector
 from fti.geodesy.formulas import dot, down_row, mat_nb, rotate
 from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN
 
 if TYPE_CHECKING:
     from fti.nav.altimetry.range_prediction import Prediction
-
-Array = NDArray[np.float64]
 
 #: Errors of the tilt are evaluated up to this angle off the vertical [rad].
 MAX_TILT = math.radians(60.0)

@@ -11,7 +11,7 @@ All times are chosen, not measured.
 
 from __future__ import annotations
 
-from fti.nav.time_series import SECOND_NS
+from fti.constants import SECOND_NS
 
 #: Duration [ns] and samples of a deviation that begin a refusal; agreement that resets the count [ns].
 BEGIN_NS, BEGIN_COUNT, RESET_NS = SECOND_NS // 2, 3, 3 * SECOND_NS // 10

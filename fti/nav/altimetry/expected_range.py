@@ -14,8 +14,8 @@ import math
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.messages.outputs import Compensation
@@ -43,8 +43,6 @@ from fti.ranging.receiver_error import PossibleReceivers, model_error
 from fti.ranging.sensor import Poses, Validity
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 #: One sigma of a heading [rad].
 HEADING_SD = math.radians(1.0)

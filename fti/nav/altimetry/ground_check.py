@@ -21,11 +21,11 @@ from itertools import combinations
 from msgspec import Struct
 
 from fti.config import Altimeter
+from fti.constants import SECOND_NS
 from fti.messages.outputs import Event, HeightAboveGround
 from fti.messages.reasons import Reason
 from fti.nav.altimetry.agreement import LIMIT_M, SIGMAS
 from fti.nav.altimetry.validity import deviation_gate
-from fti.nav.time_series import SECOND_NS
 
 #: Duration and number of equal deviations that contradict the ground; time without them that ends this [ns].
 BEGIN_NS, BEGIN_COUNT, END_NS = 2 * SECOND_NS, 5, 2 * SECOND_NS

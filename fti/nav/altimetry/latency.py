@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 #: Length of the blocks between which residuals are independent [s], and their minimum number.
 BLOCK_S, MIN_BLOCKS = 10.0, 8

@@ -29,8 +29,8 @@ from itertools import pairwise
 from msgspec import Struct
 from msgspec.structs import replace
 
+from fti.constants import SECOND_NS
 from fti.nav.altimetry.observation import AltimeterObservation
-from fti.nav.time_series import SECOND_NS
 
 #: A longer gap in the samples begins a new mean [ns].
 MAX_HOLE_NS = 2 * SECOND_NS

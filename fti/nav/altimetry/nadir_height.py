@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.messages.outputs import HeightAboveGround
 from fti.messages.reasons import Reason
 from fti.nav.altimetry.scalar_kernels import ground_sds
@@ -15,8 +16,6 @@ from fti.nav.altimetry.sigmas import POSITION_SD_UNKNOWN, stated_sd
 from fti.nav.source_interpolation import PositionState
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 
 def ground_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float) -> Array:

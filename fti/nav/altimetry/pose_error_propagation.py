@@ -17,14 +17,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import cross
 from fti.kernel import kernel
 from fti.terrain.pyramid import Pyramid, PyramidAddresses, heights_at, layers_at
 from fti.terrain.surface import Posts, surface
-
-Array = NDArray[np.float64]
 
 #: Fixed-point steps of a footprint: each contracts with slope x tan(look angle), 0.33 at 30 deg each.
 _FOOTPRINT_STEPS = 4

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array, Codes
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy, rotate
 from fti.nav.altimetry.scalar_kernels import Look, look_all, spread
@@ -32,9 +33,6 @@ from fti.ranging.nearest import NearestReturn, directions, ring_angles
 from fti.ranging.receiver_error import PossibleReceivers
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 #: Share of half the width from which a ray lies at the edge of its beam.
 AT_EDGE = 0.999

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from fti.constants import SECOND_NS
 from fti.messages.outputs import Event, HeightAboveGround
 from fti.messages.reasons import Reason
 from fti.nav.altimetry.mismatch import MAX_UNKNOWN_NS
 from fti.nav.plausibility.events import clock_text
-from fti.nav.time_series import SECOND_NS
 
 BEGINS: Mapping[Reason, str] = {
     Reason.DEVIATION: "it deviates from what the known ground predicts",

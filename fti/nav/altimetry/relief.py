@@ -25,13 +25,11 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
+from fti.constants import SECOND_NS
 from fti.nav.altimetry.stuck_value import MIN_RUN_NS, MIN_RUN_SAMPLES
 from fti.nav.navigation import NavState
-from fti.nav.time_series import SECOND_NS
-
-Array = NDArray[np.float64]
 
 STEP_NS = SECOND_NS // 5
 SPAN = 100

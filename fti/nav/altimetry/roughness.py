@@ -14,14 +14,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fti.arrays import Array
 from fti.kernel import kernel
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.surface import Posts, locate, surface
-
-Array = NDArray[np.float64]
 
 
 @kernel

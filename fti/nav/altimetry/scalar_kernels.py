@@ -11,8 +11,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Mask
 from fti.geodesy.formulas import Vector, cross, dot, ecef_from_geodetic, mat_en, mat_nb, rotate, rotate_back
 from fti.geodesy.rotations import rows_of
 from fti.kernel import kernel
@@ -25,8 +25,6 @@ from fti.terrain.ray_cast import cast_one
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.surface import Posts, surface
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Row = tuple[float, float, float, float, float, float]
 
 #: Directions around N.

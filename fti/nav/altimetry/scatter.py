@@ -21,8 +21,8 @@ from collections import deque
 from collections.abc import Sequence
 from statistics import median
 
+from fti.constants import SECOND_NS
 from fti.nav.altimetry.observation import AltimeterObservation
-from fti.nav.time_series import SECOND_NS
 
 SPAN_NS, STEP_NS = 10 * SECOND_NS, SECOND_NS // 20
 #: Period of the computation [ns].

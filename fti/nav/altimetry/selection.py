@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from fti.constants import SECOND_NS
 from fti.messages.outputs import HeightAboveGround, HeightBelowAircraft
 from fti.messages.reasons import Reason
-from fti.nav.time_series import SECOND_NS
 
 SWITCH_SIGMA_RATIO = 0.7
 SWITCH_DELAY_NS = 2 * SECOND_NS

@@ -16,8 +16,8 @@ import math
 
 from msgspec import Struct, field
 
+from fti.constants import SECOND_NS
 from fti.nav.altimetry.observation import AltimeterObservation, max_step
-from fti.nav.time_series import SECOND_NS
 
 #: Minimum run of equal values that is tested [ns], [samples].
 MIN_RUN_NS, MIN_RUN_SAMPLES = 2 * SECOND_NS, 5

@@ -29,12 +29,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array
 from fti.nav.altimetry.pose_error_propagation import TRIALS
 from fti.nav.altimetry.range_prediction import Prediction
 from fti.nav.altimetry.scalar_kernels import Errors, all_plane_variances, all_range_rows, all_sampled_variances
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 
 def _zero() -> Array:

@@ -20,14 +20,12 @@ import math
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Ints
+from fti.constants import SECOND_NS
 from fti.messages.measurements import TimeScale
-from fti.nav.device_time.delay_envelope import MIN_SAMPLES, Array, EnvelopeLine, fit_line
+from fti.nav.device_time.delay_envelope import MIN_SAMPLES, EnvelopeLine, fit_line
 
-Ints = NDArray[np.int64]
-
-SECOND_NS = 1_000_000_000
 #: The fastest message of each second is stored for so many seconds.
 WINDOW_S = 3600
 #: Largest drift of an oscillator: zero drift is assumed until it is known this well.

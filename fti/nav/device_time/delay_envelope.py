@@ -24,9 +24,8 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 #: Minimum number of samples for a line.
 MIN_SAMPLES = 12

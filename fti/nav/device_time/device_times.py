@@ -10,13 +10,13 @@ from collections.abc import Iterable
 from msgspec.structs import replace
 
 from fti.config import Device
+from fti.constants import SECOND_NS
 from fti.messages.measurements import Measurement, Stamp, TimeScale
 from fti.messages.notes import ClockEstimate, DeviceClockRecord, GnssTime
 from fti.messages.outputs import Event
 from fti.nav.device_time.clock_estimator import ARRIVAL_SD_NS, WINDOW_S, ClockEstimator, ClockState
 from fti.nav.device_time.delay_envelope import Z95
 
-SECOND_NS = 1_000_000_000
 #: Scales that are common to all devices, the better one first.
 GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
 #: Limit of valid device times [ns]: 146 years.  Devices without time often send their largest number.

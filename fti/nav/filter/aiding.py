@@ -12,15 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import ecef_from_geodetic
 from fti.nav.filter import antenna
 from fti.nav.filter.error_states import Extra
 from fti.nav.filter.estimate import Estimate
 from fti.nav.inertial.ins_error_model import POS, TURN
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Matrices = tuple[Array, Array, Array]
 

@@ -7,15 +7,14 @@ Checked against: tests/nav/test_filter_aiding.py.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, Vector, cross, ecef_from_geodetic, rotate, rotate_back
 from fti.geodesy.rotations import rows_of
 from fti.kernel import kernel
 from fti.nav.filter.kernels import EXTRAS, GYRO_BIAS, axes, geodetic, matrix
 from fti.nav.inertial.ins_error_model import GYRO, POS, TURN, VEL
 
-Array = NDArray[np.float64]
 Matrices = tuple[Array, Array, Array]
 
 

@@ -10,14 +10,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.nav.filter.aiding import NO_AXES, LastingErrors, Matrices, Vector, enter_drift
 from fti.nav.filter.error_states import AIRSPEED_DRIFTS, HEADING_DRIFTS, Extra
 from fti.nav.filter.estimate import Estimate
 from fti.nav.inertial.ins_error_model import TURN, VEL
-
-Array = NDArray[np.float64]
 
 #: With a less certain heading the sideslip row is left out [rad].
 MAX_HEADING_SD = math.radians(10.0)

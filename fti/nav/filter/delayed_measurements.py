@@ -15,17 +15,16 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
+from fti.constants import SECOND_NS
 from fti.nav.filter import kernels
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.exclusion import Exclusion
 from fti.nav.filter.innovation_gate import GateDecision, GateStates, with_exclusion
 from fti.nav.filter.measurement_update import update_estimate
-from fti.nav.filter.segment import SECOND_NS, SEGMENT_NS, AidingEntry, FilterSegment, Moment
-
-Array = NDArray[np.float64]
+from fti.nav.filter.segment import SEGMENT_NS, AidingEntry, FilterSegment, Moment
 
 HORIZON_NS = 1_000_000_000
 #: Maximum number of measurements that wait for an inertial sample.

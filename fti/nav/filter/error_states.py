@@ -15,11 +15,9 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.nav.inertial.ins_error_model import ACCEL, BIASED, IMU_ERROR_MODELS, ImuErrorModel
-
-Array = NDArray[np.float64]
 
 
 class Extra(StrEnum):

@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.quaternions import quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic
@@ -16,8 +16,6 @@ from fti.nav.filter import kernels
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.kernels import EXTRAS
 from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
-
-Array = NDArray[np.float64]
 
 #: Minimum cosine of the pitch for the sigmas of roll and heading.
 _UPRIGHT = 1e-3

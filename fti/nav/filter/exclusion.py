@@ -25,13 +25,11 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.nav.filter import kernels
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.kernels import EXTRAS
-
-Array = NDArray[np.float64]
 
 LIMIT_SIGMAS, AGREEMENT_SIGMAS = 4.0, 2.0
 #: After a refusal a measurement must be below this NIS, the 99 % quantile of chi-square with one degree of freedom: an

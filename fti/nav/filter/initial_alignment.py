@@ -9,16 +9,15 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import metres_per_radian
 from fti.geodesy.rotations import rpy_from_mat
 from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import GnssHeight, GnssPosition, GnssVelocity, Vector
 from fti.nav.filter.estimate import InitialState
 from fti.nav.inertial.alignment import HEADING_SD, MIN_TRACK_SPEED_MPS, TILT_SD, attitude_in_flight
-
-Array = NDArray[np.float64]
 
 MAX_AGE_NS = 1_000_000_000
 #: Maximum age of an attitude: an aeroplane rolls 20 deg in a second.
@@ -28,7 +27,6 @@ MAX_TURN_RATE = 0.03
 #: Factor of the sigma of the first position: its slow error is that of the next fixes, too, and must not count as two
 #: independent errors.
 FIRST_FIX_SD_FACTOR = 5.0
-SECOND_NS = 1_000_000_000
 
 Attitude = tuple[float, float, float | None]
 

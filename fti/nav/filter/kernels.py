@@ -10,8 +10,8 @@ of Spiegel 2018, P - k h P, does not (docs/errata.md).  Source: Bierman 1977, ch
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import (
     SEMI_MAJOR,
     Vector,
@@ -25,8 +25,6 @@ from fti.geodesy.formulas import (
 from fti.kernel import kernel
 from fti.nav.inertial.ins_error_model import ACCEL, BIASED, GYRO, TURN, VEL, noise, rates, transition
 from fti.nav.inertial.strapdown_fast import move
-
-Array = NDArray[np.float64]
 
 #: Indices of an estimate's row: position, velocity, quaternion e; accelerometer and gyro bias b; extras.
 QUAT, ACCEL_BIAS, GYRO_BIAS, EXTRAS = 6, 10, 13, 16

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.nav.filter import kernels
 from fti.nav.filter.aiding import Aiding, Matrices
 from fti.nav.filter.estimate import Estimate
@@ -37,8 +37,6 @@ from fti.nav.filter.innovation_gate import (
     is_bounded_by_others,
     update_states,
 )
-
-Array = NDArray[np.float64]
 
 
 class UpdateResult(NamedTuple):

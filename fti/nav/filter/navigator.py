@@ -24,8 +24,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.messages.outputs import FilterMode, FilterSolution
 from fti.messages.reasons import Reason
 from fti.nav.filter import antenna, kernels
@@ -38,8 +39,6 @@ from fti.nav.filter.initial_alignment import Aligner
 from fti.nav.filter.innovation_gate import LIMITS, excluded_names, rejected_names
 from fti.nav.filter.measurement_update import compute_nis
 from fti.nav.filter.segment import FilterSegment
-
-Array = NDArray[np.float64]
 
 #: Longest gap between inertial samples that is bridged.
 MAX_GAP_NS = 200_000_000

@@ -10,17 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from fti.arrays import Array
+from fti.constants import SECOND_NS
 from fti.nav.filter import kernels
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import GateDecision, GateStates
 
-Array = NDArray[np.float64]
-
 SEGMENT_NS = 200_000_000
-SECOND_NS = 1_000_000_000
 
 
 class AidingEntry(Struct):

@@ -13,11 +13,9 @@ Source: Black 1964, AIAA Journal 2 (TRIAD).  Checked against: simulated flights,
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.gravity import normal_gravity
-
-Array = NDArray[np.float64]
 
 #: Minimum speed for a track to replace the heading [m/s].
 MIN_TRACK_SPEED_MPS = 15.0

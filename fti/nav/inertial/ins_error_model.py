@@ -23,13 +23,11 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import FOOT, STANDARD_GRAVITY
 from fti.geodesy.formulas import EARTH_RATE
 from fti.kernel import kernel
-
-Array = NDArray[np.float64]
 
 #: Duration of a turn, in which a scale error accumulates [s].
 MANOEUVRE_S = 20.0

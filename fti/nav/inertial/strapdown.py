@@ -26,12 +26,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, normal_at, normal_gravity, rotate_by_quat
 from fti.kernel import kernel
-
-Array = NDArray[np.float64]
 
 #: Steps of Bowring's iteration for the latitude: 1e-9 m between sea and 20 km.
 BOWRING_STEPS = 2

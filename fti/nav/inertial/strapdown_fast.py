@@ -21,13 +21,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, cross, normalised, quat_from_turn, quat_product, rotate_by_quat
 from fti.kernel import kernel
 from fti.nav.inertial.strapdown import Motion, gravity_e
-
-Array = NDArray[np.float64]
 
 
 def integrate_fast(start: Motion, accel_b: Array, gyro_b: Array, step: float, every: int = 1) -> Motion:

@@ -16,15 +16,14 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
+from fti.arrays import Array
 from fti.config import Positive, StrictModel, bind, parse_toml
 from fti.geodesy.formulas import SEMI_MAJOR, SEMI_MINOR
 from fti.geodesy.local import LocalFrame
 from fti.nav.integrity.ground_track import GroundTrack, TrackLeg
-
-Array = NDArray[np.float64]
 
 #: Mean radius of the Earth, (2 a + b) / 3 [m].
 EARTH_RADIUS = (2 * SEMI_MAJOR + SEMI_MINOR) / 3

@@ -15,14 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.config import Approach
 from fti.kernel import kernel
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.integrity.statistics import SHIFT_MAX_M, ObstacleFilter, match, obstacle_filter, sharp_shifts
 from fti.nav.integrity.window import MIN_FILLED_SHARE, ClearanceSeries, add_samples, means
-
-Array = NDArray[np.float64]
 
 COLUMNS = 8
 

@@ -18,12 +18,10 @@ from collections.abc import Iterator, Sequence
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from fti.arrays import Array
 from fti.config import Positive, StrictModel
-
-Array = NDArray[np.float64]
 
 #: Distance over which the bank of a turn is rolled in or out [m]: 5 s at 60 m/s.
 ROLL_IN_M = 300.0

@@ -19,15 +19,13 @@ from statistics import NormalDist
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AllowInfNan, Field
 
+from fti.arrays import Array
 from fti.config import Approach, Device, Positive, StrictModel, bind, parse_toml
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import Airfield
 from fti.nav.integrity.assumptions import BEAM_TOLERANCE_DEG, Assumptions
-
-Array = NDArray[np.float64]
 
 TITLE = "# fti reference profile"
 COLUMNS = "s_m,z_ref_m,s_ref_m,s_alt_m"

@@ -33,11 +33,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.kernel import kernel
 from fti.nav.integrity.reference import MARGIN_M, ApproachReference
 from fti.nav.integrity.window import Bins
-
-Array = NDArray[np.float64]
 
 SHIFT_MAX_M = MARGIN_M
 OBSTACLE_M = 50.0

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.kernel import kernel
 from fti.nav.integrity.reference import ApproachReference
-
-Array = NDArray[np.float64]
 
 #: Maximum increase of s before the window is cleared [m].
 MAX_BACKWARD_M = 20.0

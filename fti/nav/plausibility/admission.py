@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+from fti.constants import SECOND_NS
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.finding import PlausibilityFinding
-from fti.nav.time_series import SECOND_NS
 
 PASS_S = 30
 PASS_FIXES = 30

@@ -13,13 +13,14 @@ import math
 from dataclasses import dataclass
 from itertools import combinations
 
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.measurements import Attitude
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN, MAX_PART_VALUES
-from fti.nav.time_series import SECOND_NS, Series, Value
+from fti.nav.time_series import Series, Value
 
 LIMITS = {"roll": math.radians(1.0), "pitch": math.radians(1.0), "heading": math.radians(5.0)}
 #: Sigma of a heading that states none [rad].

@@ -22,6 +22,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from fti.config import SourceLimits
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.reasons import Reason
 from fti.nav.plausibility import scatter
@@ -31,7 +32,6 @@ from fti.nav.plausibility.repetition import UNKNOWN_STEP_M, RepetitionTest
 from fti.nav.plausibility.resolution import ResolutionEstimator
 from fti.nav.plausibility.sigmas import VELOCITY_TAU_S, WHITE_SHARE, FixInterval, FixSigma, difference_variance
 from fti.nav.plausibility.velocity_integral import Integral, VelocityIntegral
-from fti.nav.time_series import SECOND_NS
 
 #: Minimum time between tested fixes [ns].
 MIN_STEP_NS = 80_000_000

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections import deque
 
+from fti.constants import SECOND_NS
 from fti.messages.measurements import Stamp, TimeScale
 from fti.messages.reasons import Reason
 from fti.nav.device_time.clock_estimator import WRAPS
 from fti.nav.plausibility.finding import PlausibilityFinding
-from fti.nav.time_series import SECOND_NS
 
 MIN_MESSAGES = 5
 MAX_EARLY_S = 0.1

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from fti.constants import SECOND_NS
 from fti.messages.outputs import Event
 from fti.nav.plausibility.admission import Admission, AdmissionChange
-from fti.nav.time_series import SECOND_NS
 
 DAY_S = 86_400
 

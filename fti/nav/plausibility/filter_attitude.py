@@ -13,13 +13,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.outputs import FilterMode, FilterSolution
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.attitude import TIME_SD_S, AttitudeComparison
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
-from fti.nav.time_series import SECOND_NS
 
 LIMITS = {"roll": math.radians(2.0), "pitch": math.radians(2.0), "heading": math.radians(5.0)}
 #: Maximum sigma of the tilt of a filter that refuses [rad].

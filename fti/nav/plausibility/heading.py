@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import wrap_half_turn
 from fti.messages.measurements import Attitude
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.attitude import HEADING_SD_UNKNOWN
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
-from fti.nav.time_series import SECOND_NS
 
 LEVEL = math.radians(5.0)
 SIDESLIP = math.radians(3.0)

@@ -9,6 +9,7 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from fti.config import Config, Device, position_sources
+from fti.constants import SECOND_NS
 from fti.messages.measurements import (
     Attitude,
     Ephemeris,
@@ -31,7 +32,6 @@ from fti.nav.plausibility.heading import HeadingTest, TimedVelocity
 from fti.nav.plausibility.signals import HOLD_NS, SignalTest
 from fti.nav.plausibility.source import SourceTests, UnconfirmedSource, UnstatedSigmas
 from fti.nav.source_interpolation import level_velocity
-from fti.nav.time_series import SECOND_NS
 
 T = TypeVar("T", Position, Velocity, Attitude)
 #: Period of source validities [ns], and of their repetition without a change [periods].

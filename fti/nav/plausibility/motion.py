@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from fti.config import SourceLimits
+from fti.constants import SECOND_NS
 from fti.messages.reasons import Reason
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.plausibility.sigmas import ARRIVAL_SD_S
-from fti.nav.time_series import SECOND_NS
 
 #: Minimum and maximum time between velocities that are compared for their acceleration [ns].
 MIN_SEPARATION_NS, MAX_SEPARATION_NS = 450_000_000, 3 * SECOND_NS

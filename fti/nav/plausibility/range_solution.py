@@ -23,8 +23,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
 from fti.geodesy.broadcast_orbit import clock_offset, position_e, rotate_with_earth, transmission_time
 from fti.geodesy.rotations import mat_en
@@ -32,8 +32,6 @@ from fti.geodesy.wgs84 import geodetic_from_ecef
 from fti.messages.measurements import Ephemeris
 from fti.nav.least_squares import LeastSquaresSolution, RangeObservation, solve
 from fti.nav.plausibility.scatter import variance_ratio_limit
-
-Array = NDArray[np.float64]
 
 #: Minimum number of ranges for a residual, and to identify a wrong one.
 MIN_RANGES, MIN_TO_IDENTIFY = 5, 6

@@ -22,6 +22,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from fti.constants import SECOND_NS
 from fti.geodesy.broadcast_orbit import seconds_after
 from fti.geodesy.formulas import ecef_from_geodetic, geodetic_from_ecef, radii
 from fti.messages.measurements import Ephemeris, Pseudorange, Pseudoranges, Stamp, TimeScale
@@ -29,7 +30,6 @@ from fti.messages.reasons import Reason
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.plausibility.range_solution import MeasuredRange, RangePosition, RangeSolution, solve_ranges
-from fti.nav.time_series import SECOND_NS
 
 SYSTEM, SIGNAL = "gps", "L1C"
 #: Minimum time between tested epochs [ns]: clocks of 1 Hz jitter.

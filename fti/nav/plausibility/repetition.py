@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from math import sqrt
 
+from fti.constants import SECOND_NS
 from fti.nav.plausibility.budget import K_FALSE
-from fti.nav.time_series import SECOND_NS
 
 SQRT_2 = sqrt(2.0)
 

@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from fti.constants import SECOND_NS
 from fti.messages.measurements import ReceiverClock, Satellites
-from fti.nav.time_series import SECOND_NS
 
 CN0_DB, MIN_SATELLITES = 6.0, 4
 SPAN_NS, HOLD_NS = 10 * SECOND_NS, 30 * SECOND_NS

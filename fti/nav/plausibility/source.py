@@ -15,6 +15,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from fti.config import Device, SourceLimits
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import metres_per_radian
 from fti.messages.measurements import Ephemeris, Position, Pseudoranges, Stamp, TimeScale, Velocity
 from fti.messages.outputs import Event
@@ -39,7 +40,6 @@ from fti.nav.plausibility.sigmas import (
 from fti.nav.plausibility.undulation import UndulationTest
 from fti.nav.plausibility.velocity_integral import MIN_STEP_NS
 from fti.nav.source_interpolation import MAX_PART_VALUES, ellipsoidal_height, level_velocity
-from fti.nav.time_series import SECOND_NS
 
 #: Maximum time between ground speed and track of different messages for a velocity [ns].
 MAX_PAIRING_NS = SECOND_NS // 2

@@ -6,8 +6,8 @@ from collections import deque
 
 from msgspec import Struct
 
+from fti.constants import SECOND_NS
 from fti.nav.plausibility.resolution import ResolutionEstimator
-from fti.nav.time_series import SECOND_NS
 
 #: Maximum gap between velocities of a segment [ns].
 MAX_GAP_NS = 3 * SECOND_NS

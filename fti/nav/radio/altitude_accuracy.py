@@ -17,11 +17,10 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.constants import FOOT
-
-Array = NDArray[np.float64]
 
 #: Greatest error to sigma.
 UNIFORM = 1.0 / math.sqrt(3.0)

@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import geodetic_from_ecef
 from fti.nav.least_squares import (
-    Array,
     FixObservation,
     LeastSquaresSolution,
     PositionObservation,

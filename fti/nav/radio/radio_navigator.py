@@ -26,12 +26,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array
+from fti.constants import SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.messages.reasons import Reason
 from fti.nav.least_squares import (
     AltitudeObservation,
-    Array,
     FixObservation,
     LeastSquaresSolution,
     PositionObservation,
@@ -52,7 +53,6 @@ from fti.nav.radio.observation_consistency import (
     is_mirror_ambiguous,
     solve_consistent,
 )
-from fti.nav.time_series import SECOND_NS
 
 #: Limits of plausible height, range and sigma [m], and of speed [m/s].
 MAX_LENGTH_M, MAX_SPEED_MPS = 1e6, 1e4

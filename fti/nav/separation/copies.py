@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.nav.filter import kernels
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import LIMITS, GateDecision, GateStates
 from fti.nav.filter.measurement_update import compute_nis, update_estimate
 from fti.nav.filter.segment import AidingEntry, Moment, Piece
-
-Array = NDArray[np.float64]
 
 #: The sigma of d is at least this share of that of the filter: P_i - P_0 of a new copy is rounding error.
 MIN_SHARE = 0.1

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from fti.constants import SECOND_NS
 from fti.nav.confirmation import Size
 from fti.nav.separation.absence import TRIAL_NS
 from fti.nav.separation.monitor import SourceFault
 from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, ReadmissionCheck
-from fti.nav.separation.source_class import SECOND_NS, SourceClass
+from fti.nav.separation.source_class import SourceClass
 
 
 @dataclass(slots=True)

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from fti.config import Filter
+from fti.constants import SECOND_NS
 from fti.messages.outputs import Event
 from fti.messages.reasons import Reason
 from fti.messages.refusals import CarriedRefusal, RefusedPart
@@ -49,7 +50,6 @@ from fti.nav.separation.source_class import (
     HEIGHTS,
     QUANTITIES,
     SATELLITES,
-    SECOND_NS,
     SourceClass,
     long_absence_ns,
     make_classes,

@@ -17,14 +17,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.nav.filter.innovation_gate import GateDecision
 from fti.nav.filter.segment import FilterSegment, Moment
 from fti.nav.separation.copies import FilterCopy, Separation
 from fti.nav.separation.copy_ring import CopyRing
-
-Array = NDArray[np.float64]
 
 K_FA, K_FA_SATELLITES = 5.3, 4.2
 #: No copy is replaced while the separation is larger.

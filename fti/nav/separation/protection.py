@@ -16,14 +16,10 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fti.arrays import Array
 from fti.nav.filter.estimate import Estimate
 from fti.nav.protection import K_AXIS, K_RADIAL
 from fti.nav.separation.copies import Separation, largest_sd
-
-Array = NDArray[np.float64]
 
 K_MD_RADIAL, K_MD_AXIS = 3.72, 3.09
 

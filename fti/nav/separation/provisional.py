@@ -24,8 +24,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import metres_per_radian
 from fti.messages.outputs import FilterSolution, ProvisionalSolution
 from fti.messages.reasons import Reason
@@ -38,8 +38,6 @@ from fti.nav.separation.copies import FilterCopy
 from fti.nav.separation.monitor import QUANTITY_AXES, REFUSED_NS
 from fti.nav.separation.protection import ProtectionLevels
 from fti.nav.separation.readmission import AGREED_NS, MAX_GAP_NS
-
-Array = NDArray[np.float64]
 
 HOLD_OFF_NS = AGREED_NS
 #: Maximum number of measurements that wait for their segment: 1 s to 2 s of three receivers of 100 Hz.

@@ -17,6 +17,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from fti.config import Filter
+from fti.constants import SECOND_NS
 from fti.nav.dead_reckoning_aids import dead_reckoning_names
 from fti.nav.exclusion_events import altitude_name
 from fti.nav.filter.segment import FilterSegment, Moment, Piece
@@ -33,7 +34,6 @@ from fti.nav.separation.monitor import (
 )
 from fti.nav.separation.protection import ProtectionLevels, copy_levels
 
-SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
 STEPS_NS = {"navigation": 15 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
 #: The same with several receivers: a single wrong one is found by comparison with the others, independent of these.

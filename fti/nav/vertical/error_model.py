@@ -22,11 +22,9 @@ from functools import lru_cache
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import FREE_AIR
-
-Array = NDArray[np.float64]
 
 #: Indices of the errors in x, and their number.
 HEIGHT, CLIMB, ACCEL, GRAVITY, ALTIMETER = range(5)

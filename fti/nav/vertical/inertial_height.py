@@ -7,8 +7,8 @@ from bisect import bisect_right
 
 from msgspec import Struct
 
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import EARTH_RATE, SEMI_MAJOR, Vector, dot, down_row, normal_gravity
-from fti.nav.time_series import SECOND_NS
 
 #: Number of stored heights: 2 s at 400 Hz.
 MAX_ENTRIES = 800

@@ -26,12 +26,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array, Mask
 from fti.nav.vertical.error_model import CLIMB, HEIGHT, STATES
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Confidence region of the normalised innovation [sigma].
 GATE = 3.0

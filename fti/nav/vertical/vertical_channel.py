@@ -29,9 +29,9 @@ from enum import StrEnum
 import numpy as np
 from msgspec import Struct
 
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import Vector
 from fti.messages.reasons import Reason
-from fti.nav.time_series import SECOND_NS
 from fti.nav.vertical.error_model import ALTIMETER, CLIMB, HEIGHT, STATES, VerticalModel
 from fti.nav.vertical.inertial_height import HorizontalMotion, InertialHeight, vertical_acceleration
 from fti.nav.vertical.kalman_filter import GATE, ErrorFilter, Innovation

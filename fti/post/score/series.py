@@ -12,13 +12,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array, Mask
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.recording import Recording
 
 Scalar = TypeVar("Scalar", bound=np.generic)
-Array = NDArray[np.float64]
 Times = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 #: Maximum log time [ns].
 MAX_LOG_TIME_NS = 2**62

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from fti.constants import SECOND_NS
 from fti.errors import ConfigError, MissingError, RecordingError
 from fti.hil.oracle.roles import TruthSeries
 from fti.hil.oracle.truth_columns import truth_of_columns
@@ -20,7 +21,6 @@ from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.post.score.truth_table import TruthTable
 from fti.terrain.demo_scene import DEMO_AIRFIELD
 
-SECOND_NS = 1_000_000_000
 #: A longer lateness is a pause of the bench, in which flags may be missing [s].
 PAUSE_S = 0.15
 #: Rounding of the times of an accelerated flight [ns].

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
+from fti.constants import SECOND_NS
 from fti.errors import MissingError
 from fti.hil.truth_log import TOPIC
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import McapFile, McapMessage
 
-Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 #: Angles that pass through half a turn [rad].
 CIRCULAR = ("heading", "roll", "lon")
-SECOND_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)

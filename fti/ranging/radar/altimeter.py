@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array, Codes
 from fti.constants import FOOT
 from fti.kernel import flatten, kernel
 from fti.ranging.error_model import RangeError
@@ -42,9 +43,6 @@ from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 #: Poses per chunk: intermediate results stay in the processor cache.
 _CHUNK = 16

@@ -24,9 +24,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 _CUT_STEP_DEG = 0.5
 #: Maximum difference of two measured cuts on the boresight [dB]; more indicates another reference level.

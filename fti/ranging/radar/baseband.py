@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.ranging.radar.doppler import doppler_shift
-from fti.ranging.radar.waveform import Array, Waveform, delay_of_range
+from fti.ranging.radar.waveform import Waveform, delay_of_range
 
 KERNEL_BINS = 8  #: the kernel is truncated beyond: -65 dB there, -60 dB of the total power
 PASS_SHARE = 0.8  #: passband as a share of half the sampling rate; the transition ends at half the rate

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array, Codes
 from fti.geodesy.formulas import rotate
 from fti.geodesy.rotations import rows_of
 from fti.kernel import kernel
@@ -38,9 +38,6 @@ from fti.terrain.ray_cast import first_event
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.surface import Posts, surface
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.uint8]
 
 _HIT = int(RayOutcome.HIT)
 _STEPS = 1024

@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
+
 Indices = NDArray[np.int64]
 
 #: A ray within this distance of the equator is on it: rounding, 1e7 times less than the spacing of 10^6 rays.

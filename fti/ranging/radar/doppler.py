@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
-from fti.ranging.radar.waveform import Array, Waveform
+from fti.ranging.radar.waveform import Waveform
 
 
 def doppler_shift(range_rate: ArrayLike, f_c: float) -> Array:

@@ -27,10 +27,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fti.arrays import Array, Codes
 from fti.kernel import kernel
 from fti.ranging.radar.baseband import hann_kernel
-from fti.ranging.radar.waveform import Array
-from fti.ranging.sensor import Codes, Validity
+from fti.ranging.sensor import Validity
 
 MIN_THRESHOLD = 0.002  # -27 dB: the first side lobe of the window, -31.5 dB, must not be an edge
 MAX_THRESHOLD = 0.7  # -1.5 dB: a bin of a single scatterer reaches it at any position

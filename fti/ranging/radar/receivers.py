@@ -32,8 +32,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.arrays import Array
 from fti.ranging.radar.baseband import Baseband, lowpass
-from fti.ranging.radar.waveform import Array, Waveform, delay_of_range
+from fti.ranging.radar.waveform import Waveform, delay_of_range
 
 CONVERSION_GAIN = 0.125  #: amplitude of a beat over that of its echo
 SETTLE = 64  #: samples of the beat signal discarded at both ends: transients of the filters

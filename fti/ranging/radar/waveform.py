@@ -20,11 +20,10 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

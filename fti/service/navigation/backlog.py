@@ -8,9 +8,9 @@
 
 from __future__ import annotations
 
+from fti.constants import SECOND_NS
 from fti.messages.outputs import Event
 
-SECOND_NS = 1_000_000_000
 #: Outputs of frames that have waited longer are late for every consumer.
 MAX_WAIT_NS = SECOND_NS // 2
 #: Skipping ends when the ring was found empty this often, over this time, since the last skip.

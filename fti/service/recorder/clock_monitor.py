@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from fti.clock import SECOND_NS, SystemClock
+from fti.clock import SystemClock
+from fti.constants import SECOND_NS
 from fti.messages.control import ClockStepNotice
 from fti.messages.notes import ClockRecord
 from fti.messages.topics import note_message

@@ -11,6 +11,7 @@ from fti.buffers.ring import EntryKind, Ring
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.clock import SystemClock, next_beat
 from fti.config import altimeter_links
+from fti.constants import SECOND_NS
 from fti.links import Link, add_beat_callbacks, open_link, remove_beat_callbacks
 from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
@@ -50,7 +51,6 @@ LEDGER_PERIOD_S = 1.0
 FIRST_FILE_S = 5.0
 FIRST_FILE_POLL_S = 0.005
 TICK_BUFFER_BYTES = 2**16
-SECOND_NS = 1_000_000_000
 
 
 class RecorderProcess:

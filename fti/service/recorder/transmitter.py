@@ -6,7 +6,8 @@ import asyncio
 import functools
 from collections.abc import Callable, Mapping
 
-from fti.clock import SECOND_NS, Clock
+from fti.clock import Clock
+from fti.constants import SECOND_NS
 from fti.errors import LinkError, PartialSendError
 from fti.links import Link
 from fti.messages.control import SendBytes, SendResult

@@ -14,7 +14,8 @@ from msgspec.structs import replace
 from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Condition, ConditionReport, Severity
 from fti.bus.message import encode
-from fti.clock import SECOND_NS, Clock
+from fti.clock import Clock
+from fti.constants import SECOND_NS
 from fti.messages.notes import AlarmReportRecord
 from fti.messages.topics import BUS_ALARMS
 from fti.service.supervisor.event_publisher import Publish, RecordNote

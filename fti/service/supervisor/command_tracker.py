@@ -15,7 +15,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from fti.clock import SECOND_NS, Clock
+from fti.clock import Clock
+from fti.constants import SECOND_NS
 from fti.messages.control import CommandProgress, DeviceAnswer, SendBytes, SendResult
 from fti.messages.tables import to_table
 from fti.service.supervisor.command_catalogue import CommandCatalogue, CommandDenied

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from fti.alarms.condition import Condition, ConditionReport, Severity, device_id, in_title
-from fti.clock import SECOND_NS
+from fti.constants import SECOND_NS
 from fti.messages.frames import LinkState
 from fti.service.children import ProcessState
 from fti.service.supervisor.health import MAX_LAG_MS

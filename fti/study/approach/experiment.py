@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.nav.altimetry.compensation import height_over_ground
 from fti.ranging.error_model import RangeError
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.study.approach.heights import HeightChannel, channels
 from fti.study.approach.pattern import MODEL_ORDER, Pattern, instrument, make_pattern
-from fti.study.arrays import Array, Rng
 from fti.study.compensation.low_level import dem_error
 from fti.terrain.terrain import Terrain
 

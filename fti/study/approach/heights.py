@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array, Rng
+from fti.constants import SECOND_NS
 from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight
 from fti.nav.altimetry.compensation import height_over_ground
 from fti.nav.altimetry.range_prediction import Predictor
@@ -27,7 +29,6 @@ from fti.nav.filter.navigator import InertialNavigator
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.study.approach.pattern import MODEL_ORDER, NOISE_M, Pattern
-from fti.study.arrays import Array, Rng
 from fti.study.filter import flights
 from fti.terrain.terrain import Terrain
 
@@ -91,7 +92,7 @@ def channels(pattern: Pattern, ranges: Array, seed: int) -> dict[str, HeightChan
 
 
 def _ns(t: float) -> int:
-    return round(t * flights.SECOND_NS)
+    return round(t * SECOND_NS)
 
 
 def _flight(pattern: Pattern) -> SplineFlight:

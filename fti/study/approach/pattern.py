@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.flight.leg_flight import FlightLeg, SampledFlight, track, turn
 from fti.nav.altimetry.range_prediction import Prediction, Predictor
@@ -18,7 +19,6 @@ from fti.ranging.error_model import RangeError
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import Antenna
 from fti.ranging.radar.dome import random_turn
-from fti.study.arrays import Array, Rng
 from fti.terrain.synthetic_landscape import synthetic_landscape
 from fti.terrain.terrain import Terrain
 

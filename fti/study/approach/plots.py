@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 
+from fti.arrays import Array
 from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, add_legend, label_axes, new_figure
 from fti.study.approach import experiment
 from fti.study.approach.heights import WAYS
 from fti.study.approach.pattern import Pattern, make_pattern
-from fti.study.arrays import Array
 from fti.terrain.synthetic_landscape import RUNWAY_M
 
 FINE_S = 0.5

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.config import Approach
 from fti.hil.approach_reference.approaches import (
     START_NS,
@@ -34,7 +35,6 @@ from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.messages.reasons import Reason
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import ApproachReference
-from fti.study.arrays import Array, Mask
 from fti.study.clearance.ground import (
     OBSTACLES,
     PLACES_M,

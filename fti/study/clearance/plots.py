@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.hil.approach_reference.approaches import SimulatedApproach, run_monitor, simulate, track_of
 from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.plot_style import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, add_legend, label_axes, new_figure
-from fti.study.arrays import Array
 from fti.study.clearance import experiment
 from fti.study.clearance.faults import fly_with_fault
 from fti.study.clearance.ground import path, ray_traced_ground, reference

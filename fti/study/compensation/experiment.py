@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry.compensation import height_over_ground
@@ -21,7 +22,6 @@ from fti.nav.altimetry.variance import (
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.sensor import Poses
-from fti.study.arrays import Array
 from fti.study.compensation import low_level
 from fti.study.compensation.low_level import Knowledge, Mix
 from fti.study.ranging import level_run

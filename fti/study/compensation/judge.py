@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.study import REPORTED, StudyResult
-from fti.study.arrays import Array
 from fti.study.compensation.experiment import BANKS_DEG, WAYS, WIDTHS_DEG, CompensationRun, bank_table
 from fti.study.compensation.low_level import Knowledge
 from fti.study.statistics import LEVEL, min_positive

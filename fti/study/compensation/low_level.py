@@ -27,6 +27,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.flight.leg_flight import FlightLeg, track, turn
@@ -39,7 +40,6 @@ from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.sensor import Poses, RangingSensor
 from fti.ranging.weather import Cloud, fog_extinction
-from fti.study.arrays import Array, Rng
 from fti.terrain.dem_error import DemError
 from fti.terrain.landscape import Cover, Landscape
 from fti.terrain.synthetic import buildings, forest, fractal_relief

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fti.arrays import Array
 from fti.plot_style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, add_legend, label_axes, new_figure
-from fti.study.arrays import Array
 from fti.study.compensation import experiment, low_level
 from fti.study.compensation.low_level import Knowledge
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from fti.arrays import Rng
+from fti.constants import SECOND_NS
 from fti.messages.measurements import TimeScale
 from fti.nav.device_time.clock_estimator import ClockEstimator
 from fti.parallel_runs import Progress
-from fti.study.arrays import Rng
 
-SECOND_NS = 1_000_000_000
 HOUR_S = 3600
 JITTER_MS, LATE_MS, LATE_SHARE = 1.0, 25.0, 0.2
 FIG_6_10_PPM = 1.1

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fti.arrays import Rng
 from fti.constants import STANDARD_GRAVITY
-from fti.study.arrays import Rng
 from fti.study.faults.profile import SmoothProfile
 from fti.study.faults.trajectory import Course
 

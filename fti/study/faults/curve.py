@@ -23,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from fti.arrays import Array
 from fti.nav.separation.monitor import K_FA_SATELLITES
 from fti.plot_style import label_axes, new_figure, write_figure
-from fti.study.arrays import Array
 from fti.study.faults.detectability import (
     AGE_OF_SEVERAL_S,
     AGE_S,

@@ -33,9 +33,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.constants import STANDARD_GRAVITY
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
-from fti.study.arrays import Array
 from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, SensorFault
 from fti.study.faults.flight import BARO_WHITE_M, M_PER_HPA, WEATHER_S, WEATHER_SD_M
 from fti.study.faults.product import UNIT_OF_GRADE

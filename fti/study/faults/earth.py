@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.geodesy.formulas import EARTH_RATE, ECC_SQ, FLATTENING, SEMI_MAJOR, SEMI_MINOR
-from fti.study.arrays import Array
 
 GM_M3_S2 = 3.986004418e14
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fti.study.arrays import Array, Mask
+from fti.arrays import Array, Mask
 from fti.study.faults.cells import CELLS, Cell, SensorFault
 from fti.study.faults.flight import (
     AFTER_S,

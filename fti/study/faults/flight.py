@@ -14,6 +14,8 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array, Mask, Rng
+from fti.constants import SECOND_NS
 from fti.geodesy.wgs84 import radii
 from fti.hil.sensors.errors import gauss_markov, gauss_markov_n
 from fti.messages.measurements import (
@@ -26,7 +28,6 @@ from fti.messages.measurements import (
     Stamp,
     Velocity,
 )
-from fti.study.arrays import Array, Mask, Rng
 from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, SensorFault
 from fti.study.faults.course import draw_course
 from fti.study.faults.inertial_unit import RATE_HZ, UNITS, InertialSamples, measure_inertial
@@ -37,7 +38,6 @@ from fti.study.faults.trajectory import Trajectory, TrueMotion
 
 Timed = tuple[int, str, Measurement]
 
-SECOND_NS = 1_000_000_000
 #: Time of the first instant of every flight [ns].
 START_NS = 10 * SECOND_NS
 ONSET_S = (300.0, 3600.0)

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.constants import STANDARD_GRAVITY
 from fti.hil.sensors.errors import gauss_markov_n
-from fti.study.arrays import Array, Rng
 from fti.study.faults.trajectory import TrueMotion, angular_rate_b, specific_force_b
 
 RATE_HZ = 25

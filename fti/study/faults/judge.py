@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.study import StudyResult
-from fti.study.arrays import Array, Rng
 from fti.study.faults.cells import CELLS, GRADES, Cell
 from fti.study.faults.detectability import is_detectable
 from fti.study.faults.experiment import FaultOutcome, NominalOutcome, TaskOutcome, share

@@ -15,20 +15,20 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
+from fti.arrays import Array, Mask
 from fti.config import AlertLimits, Config, parse
+from fti.constants import SECOND_NS
 from fti.messages.measurements import ImuSample, Measurement, Position, Velocity
 from fti.messages.outputs import Event
 from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.protection import K_RADIAL
 from fti.nav.separation.protection import K_MD_RADIAL
-from fti.study.arrays import Array, Mask
 from fti.study.faults.cells import Cell
 from fti.study.faults.flight import START_NS, SimulatedFlight, Timed
 
 #: The product has three grades; an industrial unit is configured as the coarser one.
 UNIT_OF_GRADE = {"industrial": "mems"}
-SECOND_NS = 1_000_000_000
 #: Period of the tests between sources and of the solutions [ns].
 FOLLOW_NS, SOLUTION_NS = SECOND_NS // 5, SECOND_NS
 LIMITS = AlertLimits()

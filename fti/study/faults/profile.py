@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study.arrays import Array
+from fti.arrays import Array
 
 
 class SmoothProfile:

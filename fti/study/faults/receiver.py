@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fti.arrays import Array, Mask, Rng
 from fti.geodesy.wgs84 import displace
 from fti.hil.sensors.errors import gauss_markov_n
-from fti.study.arrays import Array, Mask, Rng
 from fti.study.faults.cells import Cell, SensorFault
 from fti.study.faults.shapes import FaultWindow, direction, ramp, repeated_indices
 from fti.study.faults.trajectory import Trajectory

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study.arrays import Array, Mask
+from fti.arrays import Array, Mask
 
 
 @dataclass(frozen=True, slots=True)

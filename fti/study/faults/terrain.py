@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.geodesy.formulas import SEMI_MAJOR
-from fti.study.arrays import Array, Rng
 
 RELIEF_SD_M = (0.0, 3.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80.0, 110.0, 150.0)
 WAVES = 16

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.gravity import transport_rate
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
-from fti.study.arrays import Array
 from fti.study.faults.earth import earth_rate_n, gravity_n
 from fti.study.faults.profile import SmoothProfile
 

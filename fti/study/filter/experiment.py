@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array
+from fti.constants import SECOND_NS
 from fti.geodesy.quaternions import mat_from_quat
 from fti.hil.sensors.free_inertial import true_motion
 from fti.nav.filter.estimate import Estimate
@@ -13,8 +15,7 @@ from fti.nav.filter.kernels import ACCEL_BIAS, EXTRAS, QUAT
 from fti.nav.filter.navigator import InertialNavigator
 from fti.nav.inertial.ins_error_model import ACCEL
 from fti.nav.inertial.strapdown import Motion
-from fti.study.arrays import Array
-from fti.study.filter.flights import CASES, INERTIAL_S, SECOND_NS, SECONDS, FilterFlight, draw_flight
+from fti.study.filter.flights import CASES, INERTIAL_S, SECONDS, FilterFlight, draw_flight
 
 #: Evaluation times [s].
 INSTANTS_S = tuple(np.linspace(25.0, SECONDS, 10))

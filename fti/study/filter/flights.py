@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fti.arrays import Array, Mask, Rng
 from fti.geodesy.quaternions import mat_from_quat
 from fti.geodesy.rotations import mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import displace
@@ -32,7 +33,6 @@ from fti.nav.filter.aiding import Aiding, BaroAltitude, GnssPosition, GnssVeloci
 from fti.nav.filter.error_states import ALTIMETER_DRIFT, DEM_DRIFT, GNSS_DRIFTS, SCALE_DRIFT, Drift, Extra, FilterModel
 from fti.nav.filter.estimate import InitialState
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS, ImuErrorModel, TriadErrorModel
-from fti.study.arrays import Array, Mask, Rng
 
 SECONDS, INERTIAL_S = 250.0, 0.04
 GNSS_S, BARO_S, ALTIMETER_S = 1.0, 1.0, 0.5
@@ -50,7 +50,6 @@ OUTLIER_SHARE, OUTLIER_M = 0.01, 15.0
 #: Rich case: correlation time of velocity errors [s], period of altimeter use [s], and correlation length [m] up to
 #: which errors of the elevation model are white between two uses.
 VELOCITY_ERROR_TAU_S, RICH_ALTIMETER_PERIOD_S, SHORT_DEM_LENGTH_M = 5.0, 1.0, 30.0
-SECOND_NS = 1_000_000_000
 #: The filter of the matched flights.  No scale errors are drawn, so it has no scale states.
 PURE_UNIT = ImuErrorModel(
     *(

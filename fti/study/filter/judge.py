@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.study import StudyResult
-from fti.study.arrays import Array, Rng
 from fti.study.filter.experiment import INSTANTS_S, FilterRun
 from fti.study.filter.flights import CASES
 from fti.study.filter.terrain import SPELLS_S, HeightPair, spell_rms

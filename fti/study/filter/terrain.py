@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array, Rng
+from fti.constants import SECOND_NS
 from fti.hil.flight.trajectory import SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.nav.altimetry.range_prediction import Prediction, Predictor
@@ -28,7 +30,6 @@ from fti.nav.filter.error_states import GNSS_DRIFTS, Drift, Extra, FilterModel
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.navigator import InertialNavigator
 from fti.ranging.laser import Laser
-from fti.study.arrays import Array, Rng
 from fti.study.filter import flights
 from fti.terrain.dem_error import DemError
 from fti.terrain.synthetic_landscape import synthetic_terrain
@@ -162,14 +163,14 @@ def _run_filter(  # noqa: PLR0917
     for k in range(len(imu_samples)):
         t = k * flights.INERTIAL_S
         if k:
-            navigator.feed_inertial(round(t * flights.SECOND_NS), imu_samples[k, :3], imu_samples[k, 3:])
+            navigator.feed_inertial(round(t * SECOND_NS), imu_samples[k, :3], imu_samples[k, 3:])
         while fixes and fixes[-1][0] < t:
             at, aiding = fixes.pop()
-            navigator.feed_aiding(round(at * flights.SECOND_NS), aiding)
+            navigator.feed_aiding(round(at * SECOND_NS), aiding)
         while predictor and echoes and echoes[-1][0] < t:
             _take_range(navigator, predictor, *echoes.pop())
         if k % every == 0:
-            here = navigator.at(round(t * flights.SECOND_NS))
+            here = navigator.at(round(t * SECOND_NS))
             assert here is not None
             errors.append(float(truth[k // every]) - here.geodetic[2])
             sds.append(float(here.sd_n[2]))
@@ -177,11 +178,11 @@ def _run_filter(  # noqa: PLR0917
 
 
 def _take_range(navigator: InertialNavigator, predictor: Predictor, at: float, measured: float) -> None:
-    here = navigator.at(round(at * flights.SECOND_NS))
+    here = navigator.at(round(at * SECOND_NS))
     assert here is not None
     expected = predictor.at(*here.geodetic, *here.rpy)
     if expected.valid[0]:
-        navigator.feed_aiding(round(at * flights.SECOND_NS), slant_range_aiding(here, expected, measured))
+        navigator.feed_aiding(round(at * SECOND_NS), slant_range_aiding(here, expected, measured))
 
 
 def slant_range_aiding(here: Estimate, expected: Prediction, measured: float) -> SlantRange:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
@@ -24,7 +25,6 @@ from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.radar.waveform import WAVEFORM_24_GHZ
 from fti.ranging.sensor import Poses
-from fti.study.arrays import Array, Rng
 from fti.terrain.dem_error import DemError
 from fti.terrain.landscape import Cover, Landscape
 from fti.terrain.synthetic import buildings

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.beam import Backscatter, make_beam, trace_beam
 from fti.ranging.radar.dome import half_dome
@@ -13,7 +14,6 @@ from fti.ranging.radar.edge import LeadingEdge
 from fti.ranging.radar.receivers import FmcwReceiver, Loat, Ssb
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses
-from fti.study.arrays import Array
 from fti.terrain.terrain import Terrain
 
 #: Transmitted frequency of the figures [Hz].

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fti.arrays import Array
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.ranging.radar.beam import trace_beam
 from fti.ranging.sensor import Poses
-from fti.study.arrays import Array
 from fti.terrain.terrain import Terrain
 
 ANTENNAS = {"narrow": NARROW, "wide": WIDE}

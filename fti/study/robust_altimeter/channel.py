@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array, Mask, Rng
 from fti.nav.vertical.error_model import ALTIMETER, HEIGHT, STATES, system_matrix
 from fti.nav.vertical.kalman_filter import ErrorFilter
-from fti.study.arrays import Array, Mask, Rng
 
 #: Of the source: step [s], iterations, gravity [m/s^2], radius of the Earth [km], inverse correlation times [1/s].
 DT_S, ITERATIONS = 0.1, 500

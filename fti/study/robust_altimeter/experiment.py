@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.nav.vertical.error_model import HEIGHT, STATES
 from fti.nav.vertical.kalman_filter import GATE
 from fti.parallel_runs import Progress, run_all
-from fti.study.arrays import Array, Mask
 from fti.study.robust_altimeter.channel import (
     FAULT_STEPS,
     INSTANTS,

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array, Mask, Rng
+from fti.constants import SECOND_NS
 from fti.geodesy.formulas import down_row
 from fti.hil.sensors.errors import recursion
-from fti.nav.time_series import SECOND_NS
 from fti.nav.vertical.error_model import VerticalModel
 from fti.nav.vertical.inertial_height import HorizontalMotion, vertical_acceleration
 from fti.nav.vertical.vertical_channel import VerticalChannel
-from fti.study.arrays import Array, Mask, Rng
 
 SECONDS, LOST_S = 600, 120.0
 IMU_HZ, SATELLITE_HZ, ALTIMETER_HZ = 25, 1, 5

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from fti.arrays import Array, Rng
 from fti.study import StudyResult
-from fti.study.arrays import Array, Rng
 from fti.study.robust_altimeter.channel import FAULT_STEPS, INSTANTS, ITERATIONS, PHYSICAL, PRINTED, expected_error
 from fti.study.robust_altimeter.experiment import (
     LOCKOUT_S,

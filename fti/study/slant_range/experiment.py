@@ -7,12 +7,12 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from fti.arrays import Array
 from fti.hil.flight.leg_flight import SampledFlight
 from fti.ranging.laser import Laser
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.ranging.sensor import RangingSensor
-from fti.study.arrays import Array
 from fti.study.slant_range.scenarios import RangingScenario, approach, low_level
 from fti.terrain.terrain import Terrain
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Mask
 from fti.study import StudyResult
-from fti.study.arrays import Mask
 from fti.study.slant_range.experiment import SCENARIOS, AltimeterFlight, Run
 from fti.study.statistics import LEVEL, min_positive
 

@@ -8,8 +8,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 
+from fti.arrays import Array
 from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, add_legend, label_axes, new_figure
-from fti.study.arrays import Array
 from fti.study.slant_range.experiment import FINE, AltimeterFlight, fly
 from fti.study.slant_range.scenarios import RangingScenario
 

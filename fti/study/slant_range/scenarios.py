@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.hil.flight.leg_flight import STEP_S, CommandedTrack, FlightLeg, SampledFlight, track, turn
-from fti.study.arrays import Array
 from fti.terrain.synthetic_landscape import synthetic_terrain
 from fti.terrain.terrain import Terrain
 

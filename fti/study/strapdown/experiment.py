@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.hil.flight.random_routes import calm_flight, random_flight
 from fti.nav.inertial.strapdown import integrate
 from fti.nav.inertial.strapdown_fast import integrate_fast
-from fti.study.arrays import Array
 from fti.study.trajectory import experiment as trajectory
 from fti.study.trajectory.experiment import STEP_S, Closure, Integrator, close
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from fti.arrays import Array
 from fti.study import StudyResult
-from fti.study.arrays import Array
 from fti.study.strapdown.experiment import FORMS, StrapdownRun
 from fti.study.trajectory.experiment import STEP_S, Closure
 from fti.study.trajectory.judge import judge_closures, judge_halving

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from fti.arrays import Array
 from fti.plot_style import BLUE, GREEN, GREY, ORANGE, VERMILION, add_legend, label_axes, new_figure
-from fti.study.arrays import Array
 from fti.study.trajectory.experiment import STEPS_S, Closure
 
 COLOURS = {"high order": BLUE, "live": VERMILION}

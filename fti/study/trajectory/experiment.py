@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.geodesy.quaternions import mat_from_quat
 from fti.geodesy.rotations import mat_en
 from fti.hil.flight.random_routes import random_flight, s_turn_flight
@@ -15,7 +16,6 @@ from fti.hil.flight.trajectory import FlightSamples, SplineFlight
 from fti.hil.sensors.free_inertial import true_motion
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.inertial.strapdown import Motion, integrate
-from fti.study.arrays import Array
 
 #: Of samples: start, accel_b, gyro_b, step [s], of how many one is returned.
 Integrator = Callable[[Motion, Array, Array, float, int], Motion]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.hil.flight.smoothing import FlightFit
 from fti.study import StudyResult
-from fti.study.arrays import Array
 from fti.study.statistics import rms
 from fti.study.trajectory.experiment import STEP_S, Closure
 

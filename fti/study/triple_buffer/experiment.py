@@ -9,10 +9,10 @@ import numpy as np
 
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.config import LinkTable
+from fti.constants import SECOND_NS
 from fti.frame_batch import iter_frames
 from fti.parallel_runs import Progress, run_all
 
-SECOND_NS = 1_000_000_000
 RATE_HZ, MESSAGE_BYTES, RECEPTIONS = 100, 66, 2
 #: Stalls are drawn from this interval [s]; all exceed the capacity.
 STALLS_S = (122.0, 240.0)

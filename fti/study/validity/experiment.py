@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.config import Altimeter
 from fti.messages.reasons import Reason
 from fti.nav.altimetry.compensation import height_over_ground
 from fti.nav.altimetry.nadir_height import ground_sd
 from fti.nav.altimetry.range_prediction import Prediction
 from fti.nav.altimetry.validity import Sample, pencil_limits, reasons_against, wide_beam_limits
-from fti.study.arrays import Array
 from fti.study.compensation.low_level import FARTHEST_M, PLACE_SD, Knowledge, Mix, add_cloud, fly, known_scene, predict
 
 #: Half power of the radar's antenna off its boresight, across and along [deg]; maximum range of such altimeters [m].

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array, Mask, Rng
 from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_en
@@ -21,7 +22,6 @@ from fti.hil.sensors.constellation import Constellation
 from fti.nav.least_squares import AltitudeObservation, RangeObservation, solve
 from fti.nav.radio.altitude_accuracy import UNIFORM, AltitudeSource, altimeter_sd, choose_altitude
 from fti.parallel_runs import Progress
-from fti.study.arrays import Array, Mask, Rng
 
 LAT, LON = math.radians(36.72), math.radians(127.5)
 HOUR_S, EPOCH_S, SKY_S = 3600.0, 10.0, 12_600.0

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pyproj
 import rasterio
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pyproj.datadir import append_data_dir, get_data_dir
 from pyproj.exceptions import ProjError
 from pyproj.transformer import AreaOfInterest, TransformerGroup
@@ -25,14 +25,13 @@ from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window
 
+from fti.arrays import Array
 from fti.errors import ConfigError, MissingError
 from fti.geodesy.geoid import SYSTEM
 from fti.geodesy.wgs84 import radii
 from fti.terrain.file_info import ElevationFileInfo
 from fti.terrain.files.local_only import open_local
 from fti.terrain.files.vertical import find_datum, find_unit, split_crs
-
-Array = NDArray[np.float64]
 
 #: Limits of ground heights on Earth, with a margin for canyons and masts [m].
 MIN_HEIGHT_M, MAX_HEIGHT_M = -500.0, 9000.0

@@ -16,14 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.errors import ConfigError
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.terrain.file_info import ElevationFileInfo
 from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.mosaic import Mosaic, assemble
-
-Array = NDArray[np.float64]
 
 #: Maximum posts of all layers together: 0.5 GB, and as much again for the ray caster.
 MAX_POSTS = 2**26

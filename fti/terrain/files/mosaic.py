@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.files.elevation_file import ElevationFile, nearest_turn
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
 
 #: Maximum misalignment of two files on one lattice, over all posts [post distances].

@@ -13,8 +13,8 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.errors import ConfigError
 from fti.geodesy.geoid import Geoid, load_geoid
 from fti.geodesy.local import LocalFrame
@@ -27,8 +27,6 @@ from fti.terrain.files.resampling_error import measure_resampling
 from fti.terrain.files.vertical import datum_names_by_file
 from fti.terrain.layer import Layer
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 #: A horizontal distance [m] over which the rise of a surface is negligible.
 _EDGE_STEP = 1e-6

@@ -22,13 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.geoid import Geoid
 from fti.geodesy.local import LocalFrame
 from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.files.mosaic import Mosaic, PostWindow
 from fti.terrain.files.tangent import HALF, PostBlock
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
 Extent = tuple[int, int]
 Places = tuple[Array, Array]

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.geoid import Geoid
 from fti.geodesy.local import LocalFrame
 from fti.terrain.file_info import NO_SOURCE
@@ -26,8 +27,6 @@ from fti.terrain.files.layout import LayerPlan
 from fti.terrain.files.resample import Extent, Resampler, bilinear, needed_posts
 from fti.terrain.files.tangent import PostBlock
 from fti.terrain.resampling import ResamplingError
-
-Array = NDArray[np.float64]
 
 #: Compared blocks of a layer, and points in all of them together.
 _BLOCKS, _PLACES = 256, 12_000

@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.geodesy.formulas import SEMI_MAJOR
 from fti.geodesy.local import LocalFrame
 from fti.terrain.files.elevation_file import nearest_turn
 from fti.terrain.files.mosaic import Mosaic
-
-Array = NDArray[np.float64]
 
 #: Nodes of the polynomials along east and along north.
 _NODES = 6

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from fti import config as configuration
+from fti.arrays import Array
 from fti.config import Device
 from fti.errors import ConfigError
-from fti.hil.approach_reference.fit_samples import Array, FitSamples
+from fti.hil.approach_reference.fit_samples import FitSamples
 from fti.hil.approach_reference.fitted_receiver import FittedReceiver, as_toml, fit_receiver
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fti.arrays import Array
 from fti.errors import ConfigError, MissingError
 from fti.hil.approach_reference.approaches import LASER, RA4500, SimulatedApproach, run_monitor, simulate
 from fti.hil.approach_reference.calibration import make_monitor
 from fti.hil.approach_reference.options import ReferenceOptions
 from fti.hil.approach_reference.profile import Surface
 from fti.hil.approach_reference.recorded_approaches import (
-    Array,
     Pass,
     RecordedGround,
     check_sensor,

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fti.arrays import Array
 from fti.config import Config
 from fti.devices import bind_devices
 from fti.hil import scenario as scenarios
 from fti.hil.oracle.fault_flags import flags_of_fault
 from fti.hil.oracle.flag_definitions import FlagAllowance
 from fti.hil.oracle.flight_flags import flight_allowances
-from fti.hil.oracle.roles import AircraftRoles, Array, TruthSeries
+from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 from fti.hil.tables.fault_types import Obstacle, Stuck
 
 OF_GROUND = ("dispersion", "incidence")

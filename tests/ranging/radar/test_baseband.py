@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.radar.baseband import KERNEL_BINS, Baseband, hann_kernel, lowpass, thermal_noise
-from fti.ranging.radar.waveform import WAVEFORM_24_GHZ, Array, Waveform, delay_of_range
+from fti.ranging.radar.waveform import WAVEFORM_24_GHZ, Waveform, delay_of_range
 
 RADAR = Baseband()
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.radar.baseband import Baseband
 from fti.ranging.radar.doppler import doppler_shift, range_error
 from fti.ranging.radar.edge import LeadingEdge
-from fti.ranging.radar.waveform import Array, delay_of_range
+from fti.ranging.radar.waveform import delay_of_range
 
 RADAR = Baseband(n_sample=2048)
 WAVE = RADAR.waveform

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fti.arrays import Array
 from fti.ranging.radar.baseband import Baseband, hann_kernel
 from fti.ranging.radar.edge import LeadingEdge
-from fti.ranging.radar.waveform import Array
 from fti.ranging.sensor import Validity
 
 RADAR = Baseband(n_sample=1024)

@@ -8,10 +8,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fti.arrays import Array
 from fti.ranging.radar.baseband import Baseband
 from fti.ranging.radar.edge import LeadingEdge
 from fti.ranging.radar.receivers import CONVERSION_GAIN, FmcwReceiver, Loat, Ssb, line_spectrum, received_signal
-from fti.ranging.radar.waveform import Array, Waveform, delay_of_range, loat_plan, ssb_plan
+from fti.ranging.radar.waveform import Waveform, delay_of_range, loat_plan, ssb_plan
 
 SHORT = Baseband(Waveform(delta_f=30e6, delta_t=10e-6), 256)  # 25.6 MHz: 512 m
 WHOLE = Baseband(n_sample=2048)  # 20.5 MHz: 409 m

@@ -11,15 +11,10 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fti.constants import FOOT
 from fti.errors import MissingError
 from fti.geodesy.atmosphere import ISA_TEMPERATURE, Atmosphere
 from fti.hil.flight.jsbsim.airframe import INCH, Airframe
-
-Array = NDArray[np.float64]
 
 PASCAL_PER_PSF = 47.880258980
 RANKINE = 1.8

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import FOOT
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_en, mat_from_rpy
@@ -23,8 +23,6 @@ from fti.hil.flight.trajectory import FlightSamples
 from fti.hil.tables.jsbsim_options import JsbsimFlight
 from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 #: Additional samples before the begin and after the end of the route: splines are less accurate at their ends.
 MARGIN_ROWS = 100

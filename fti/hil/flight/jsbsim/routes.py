@@ -18,6 +18,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.constants import STANDARD_GRAVITY
 from fti.errors import ConfigError
 from fti.hil.flight.jsbsim.airframe import Airframe
@@ -25,8 +26,6 @@ from fti.hil.flight.jsbsim.track import STEP_M, RouteTrack
 from fti.hil.tables.jsbsim_options import JsbsimFlight, RoutePoint
 from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
-
-Array = NDArray[np.float64]
 
 #: Run-in before the flight begins: engines start, the trim settles, the aircraft joins the track [s].
 RUN_IN_S = 35.0

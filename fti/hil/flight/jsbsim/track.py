@@ -6,9 +6,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fti.arrays import Array
 
 #: Distance of the stations of a track [m].
 STEP_M = 10.0

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.outputs.errors import QuantityError
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.rows import Result
-from fti.post.score.series import Array, Mask
 
 #: Minimum number of errors for a check of sigmas.
 MIN_COUNT = 20

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.hil.oracle.flag_definitions import FlagAllowance
 from fti.hil.oracle.flight_flags import MARGIN
 from fti.hil.oracle.roles import AircraftRoles
@@ -17,7 +18,7 @@ from fti.nav.integrity.go_around import GO_AROUND_CLIMB
 from fti.nav.integrity.reference import ApproachReference
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.rows import Result
-from fti.post.score.series import Array, Mask, TopicSeries
+from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
 #: Minimum number of messages for a share.

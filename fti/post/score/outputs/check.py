@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.config import Vector
 from fti.hil.faults.applicability import applies_to
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION, FlagAllowance
@@ -34,7 +35,7 @@ from fti.post.score.outputs.protection import (
 )
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.outputs.value_check import unsent_intervals, value_rows
-from fti.post.score.series import Array, Mask, TopicSeries, read_series
+from fti.post.score.series import TopicSeries, read_series
 
 #: Lateness of the emulator affects outputs for this time after it [s].
 AFTER_LATE_S = 1.0

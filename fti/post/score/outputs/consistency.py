@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.config import Config
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import FILTER as FILTER_TOPIC
@@ -17,7 +18,7 @@ from fti.messages.outputs import Datum, IntegrityState, Point
 from fti.messages.reasons import Reason
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
-from fti.post.score.series import Array, Mask, TopicSeries
+from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
 #: Full scale, and one dot as a part of the glide angle (ICAO Annex 10; shared specification of the glide slope).

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.arrays import Array
 from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import FILTER, FIX, GLIDE, HEIGHT_BELOW, LOCATION, VALIDITY, VERTICAL
 from fti.hil.tables.limits import ScoreLimits
-from fti.post.score.series import Array, Times, TopicSeries
+from fti.post.score.series import Times, TopicSeries
 from fti.post.score.truth_table import TruthTable
 
 #: Outputs that must state a sigma with each value that has a sigma field.

@@ -6,11 +6,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.hil.oracle.output_effects import Interval, interval_mask
 from fti.hil.oracle.required_outputs import OUTPUT_AGE_S, RequiredOutput
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.rows import Result
-from fti.post.score.series import Array, Mask, TopicSeries
+from fti.post.score.series import TopicSeries
 
 #: Minimum time without a fault for a rate [s].
 MIN_INTERVAL_S = 2.0

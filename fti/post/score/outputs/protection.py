@@ -6,11 +6,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from fti.arrays import Array, Mask
 from fti.hil.oracle.flag_definitions import SOLUTION
 from fti.hil.oracle.required_outputs import LOCATION
 from fti.post.score.outputs.errors import QuantityError
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
-from fti.post.score.series import Array, Mask, TopicSeries
+from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
 #: Field with the protection level of each quantity.

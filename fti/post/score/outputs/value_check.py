@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.hil.oracle.output_effects import Interval, interval_mask
 from fti.hil.tables.quantity_names import NAME_FIELDS
 from fti.hil.truth_log import MEASUREMENT
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import McapFile
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
-from fti.post.score.series import Array, Times, TopicSeries
+from fti.post.score.series import Times, TopicSeries
 
 #: Decoded samples within this time of the intended value are compared with it [ns].
 MATCH_WINDOW_NS = 500_000_000

@@ -17,6 +17,7 @@ from itertools import chain
 from pathlib import Path
 
 from fti.config import Snapshot
+from fti.constants import SECOND_NS
 from fti.errors import StorageError
 from fti.frame_batch import NumberedFrame
 from fti.logger.raw_log import RawLog
@@ -41,7 +42,6 @@ IDLE_S = 1.0
 #: At the end of the session, writing is given up after this time without progress, twice that if the medium hangs.
 FINAL_TIMEOUT_S = 5.0
 JOIN_PERIOD_S = 0.1
-SECOND_NS = 1_000_000_000
 
 
 class SnapshotSink:

@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fti.arrays import Array
 from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label_axes, new_figure
 from fti.ranging.radar.doppler import range_error
 from fti.ranging.radar.receivers import line_spectrum
 from fti.ranging.radar.waveform import Waveform, loat_plan, ssb_plan
-from fti.study.arrays import Array
 from fti.study.ranging.signals import EXAMPLES, F_TX, LOAT, SSB, Example, Rays
 
 #: A final approach over ground that rises and falls (2.1.3.4): speed [m/s], path, start [m], wave of the ground [m].
