@@ -11,7 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from fti.alarms.texts import describe_times
+from fti.constants import SECOND_NS
 from fti.terminal_text import escape_tree
 from fti.web.texts import CONTINUOUS, describe_mode
 
@@ -269,3 +269,17 @@ def _sigma(value: object, unit: str) -> str:
 
 def _degrees(value: object) -> float | None:
     return math.degrees(value) if isinstance(value, int | float) else None
+
+
+def describe_times(alarm: Mapping[str, Any]) -> str:
+    """Begin, duration, count and acknowledgement of an alarm."""
+    begin = f"{datetime.fromtimestamp(alarm['begin_ns'] // SECOND_NS, UTC):%H:%M:%S}"
+    if alarm["end_ns"] is None:
+        parts = [f"since {begin}"]
+    else:
+        parts = [f"{begin}, ended after {(alarm['end_ns'] - alarm['begin_ns']) / SECOND_NS:.1f} s"]
+    if alarm["count"] > 1:
+        parts.append(f"{alarm['count']} times")
+    if alarm["acknowledged_by"]:
+        parts.append(f"acknowledged by {alarm['acknowledged_by']}")
+    return ", ".join(parts)

@@ -15,7 +15,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fti.messages.control import FromPage, PageAcknowledgement, PageCommand, PageMark
+from fti.messages.control import (
+    CommandProgress,
+    FromPage,
+    PageAcknowledgement,
+    PageCommand,
+    PageMark,
+    ToDisplay,
+    UsableDevices,
+)
+from fti.messages.tables import to_table
 
 MAX_TEXT_CHARS = 200
 MAX_PER_SECOND = 5
@@ -30,6 +39,36 @@ WITHOUT_KEY = "view only; to control: fti page"
 WRONG_KEY = "the key is old; to control: fti page"
 #: Sends a command to the daemon; False when it cannot be reached.
 Send = Callable[[FromPage], bool]
+
+
+MAX_REQUESTS = 20
+
+
+class CommandStatus:
+    """Available commands to devices and the state of the last ones, for the page.
+
+    version : increases with each change; 0 while no link may transmit
+    """
+
+    def __init__(self) -> None:
+        self.version = 0
+        self._devices: list[Any] = []
+        self._requests: dict[tuple[str, int], Mapping[str, Any]] = {}
+
+    def update(self, message: ToDisplay) -> None:
+        """Handle a message of the supervisor."""
+        if isinstance(message, UsableDevices):
+            self._devices = to_table(message.devices)
+            self.version += bool(self._devices)
+        elif isinstance(message, CommandProgress):
+            self._requests[message.id, message.t_ns] = to_table(message)  # a denied one may have no id
+            if len(self._requests) > MAX_REQUESTS:
+                del self._requests[next(iter(self._requests))]
+            self.version += 1
+
+    def message(self) -> dict[str, Any]:
+        """Devices with their commands, and the last requests, newest first, ready for JSON."""
+        return {"type": "commands", "devices": self._devices, "requests": list(self._requests.values())[::-1]}
 
 
 @dataclass(slots=True)

@@ -19,7 +19,6 @@ from fti.alarms.alarm_list import Alarm
 from fti.alarms.condition import Condition, Severity
 from fti.messages.topics import BUS_ALARMS, BUS_HEALTH
 from fti.reason_texts import describe_reasons
-from fti.web.history import History
 from fti.web.texts import STATES
 
 Fields = Mapping[str, Any]
@@ -36,6 +35,51 @@ OUTPUT_STOPPING_ALARMS = frozenset({"navigation", "daemon"})
 HIL_FIELDS = frozenset(("scenario", "flight_s", "duration_s", "devices", "faults", "supply_v", "lateness", "holds"))
 #: Fields of the navigation solution with reasons of its attitude.
 ATTITUDE_REASON_FIELDS = ("attitude_reasons", "attitude_unchecked")
+
+
+SPAN_NS = 120_000_000_000
+PERIOD_NS = 200_000_000
+GAP_NS = 1_000_000_000  # a longer interruption is a gap in the lines
+HEIGHT = "/nav/height_above_ground/"
+GLIDE = "/nav/glide_slope"
+
+
+class History:
+    """The plotted values: rows of ``{series: value}``; a series is ``topic:field``, an invalid value is None."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[int, dict[str, float | None]]] = deque()
+        self._now: dict[str, float | None] = {}
+
+    def update(self, topic: str, fields: Mapping[str, Any]) -> None:
+        """Handle an output; add a row if the last one is old enough."""
+        if not topic.startswith((HEIGHT, GLIDE)) or not isinstance(fields.get("t_ns"), int):
+            return
+        self._now |= _values(topic, fields)
+        t_ns = fields["t_ns"]
+        last_ns = self._rows[-1][0] if self._rows else t_ns - PERIOD_NS
+        if t_ns - last_ns > GAP_NS:
+            self._rows.append((last_ns + PERIOD_NS, {}))
+        if t_ns - last_ns >= PERIOD_NS:
+            self._rows.append((t_ns, dict(self._now)))
+            self._forget(t_ns - SPAN_NS)
+
+    def _forget(self, before_ns: int) -> None:
+        while self._rows and self._rows[0][0] < before_ns:
+            self._rows.popleft()
+
+    def message(self) -> dict[str, Any]:
+        """``{"type": "history", "t": [s], "series": {name: [value]}}``."""
+        series = {name: [row.get(name) for _, row in self._rows] for name in sorted(self._now)}
+        return {"type": "history", "t": [t_ns / 1e9 for t_ns, _ in self._rows], "series": series}
+
+
+def _values(topic: str, fields: Mapping[str, Any]) -> dict[str, float | None]:
+    valid = bool(fields.get("valid")) and not fields.get("late")
+    if topic.startswith(HEIGHT):
+        raw = None if fields.get("late") else fields.get("raw")
+        return {f"{topic}:raw": raw, f"{topic}:height_agl": fields.get("height_agl") if valid else None}
+    return {f"{topic}:{name}": fields.get(name) if valid else None for name in ("deviation", "dh")}
 
 
 @dataclass(frozen=True, slots=True)

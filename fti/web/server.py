@@ -25,8 +25,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.typedefs import Handler
 
 from fti.errors import MissingError
-from fti.web.command_status import CommandStatus
-from fti.web.commands import CommandGate, PageClient
+from fti.web.commands import CommandGate, CommandStatus, PageClient
 from fti.web.connections import ConnectionLimits
 from fti.web.live_state import LiveState
 

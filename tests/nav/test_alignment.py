@@ -8,7 +8,7 @@ import pytest
 from fti.geodesy.rotations import mat_en, rpy_from_mat
 from fti.hil.flight.random_routes import random_flight
 from fti.hil.sensors.inertial import specific_force_b
-from fti.nav.inertial.alignment import HEADING_SD, TILT_SD, attitude_in_flight
+from fti.nav.filter.initial_alignment import HEADING_SD, TILT_SD, attitude_in_flight
 
 
 @pytest.mark.parametrize("seed", range(4))

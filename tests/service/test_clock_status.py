@@ -12,9 +12,8 @@ from fti.messages.frames import RawFrame
 from fti.messages.measurements import DeviceTime, Stamp, TimeScale
 from fti.messages.notes import ClockEstimate
 from fti.messages.tables import to_table
-from fti.service.navigation.clock_status import clock_status
 from fti.service.navigation.decode_chain import Chain
-from fti.service.navigation.device_monitor import DeviceMonitor
+from fti.service.navigation.device_monitor import DeviceMonitor, clock_status
 from fti.service.supervisor.health import LATE_NS, HealthBoard
 from tests.small_config import LINE, device, parsed
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fti.clock import FakeClock
-from fti.service.supervisor.event_publisher import EventPublisher
-from fti.service.supervisor.link_events import MIN_DURATION_NS, LinkEvents
+from fti.service.supervisor.event_publisher import MIN_DURATION_NS, EventPublisher, LinkEvents
 
 SECOND_NS = 1_000_000_000
 Events = list[tuple[float, str, str]]

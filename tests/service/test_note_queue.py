@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fti.service.recorder.note_queue import NoteQueue
+from fti.service.recorder.log_content import NoteQueue
 
 
 class FakeLog:

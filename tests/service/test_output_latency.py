@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fti.messages.tables import to_table
-from fti.service.navigation.output_latency import PERIOD_NS, OutputLatency
+from fti.service.navigation.process import PERIOD_NS, OutputLatency
 
 MS = 1_000_000
 

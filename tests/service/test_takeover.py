@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from fti.service import children
-from fti.service.children import Child, WaitingProcess
-from fti.service.restart_delay import DoublingDelay, StandbyDelay
+from fti.service.children import Child, DoublingDelay, StandbyDelay, WaitingProcess
 from fti.service.supervisor.child_monitor import WATCH_PERIOD_S, ChildMonitor
 from fti.service.supervisor.child_shutdown import describe_restart
 

@@ -24,11 +24,11 @@ from fti.study.faults.experiment import (
     exceedances,
     fly,
     nominal_flight,
+    plan,
     share,
     strike_through,
 )
 from fti.study.faults.judge import bound, judge_all
-from fti.study.faults.plan import plan
 from fti.study.faults.product import Product, SeparationCalibration
 
 TACTICAL = AircraftGroup("tactical", 1, "legs")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import serial
 
-from fti.testing.pty_pair import PtyPair
+from fti.testing.recorder import PtyPair
 
 EVERY_BYTE = bytes(range(256))
 

@@ -5,7 +5,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.web.history import PERIOD_NS, SPAN_NS, History
+from fti.web.live_state import PERIOD_NS, SPAN_NS, History
 
 HEIGHT = "/nav/height_above_ground/ra"
 PERIOD_S = PERIOD_NS / 1e9

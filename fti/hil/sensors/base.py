@@ -7,7 +7,10 @@ latency given there.  All random numbers depend on the seed of the scenario and 
 
 from __future__ import annotations
 
+import copy
 import zlib
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,9 +22,10 @@ from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import displace
 from fti.hil.environment import Environment
+from fti.hil.faults.applicability import applies_to
 from fti.hil.flight.trajectory import FlightState
-from fti.hil.sensors.model import SensorModelType
-from fti.hil.sensors.mounting_error import make_model
+from fti.hil.sensors.model import SensorModel, SensorModelType
+from fti.hil.tables.fault_types import LeverArm
 from fti.hil.tables.schema import SensorSettings
 from fti.messages.measurements import Measurement, Stamp, TimeScale
 
@@ -106,3 +110,34 @@ def velocity_at(state: FlightState, lever_arm_b: tuple[float, float, float]) -> 
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
     rotation_b = np.cross(state.omega_nb_b, np.asarray(lever_arm_b))
     return np.asarray(state.vel_n + np.einsum("nij,nj->ni", mat_nb, rotation_b))
+
+
+class MisplacedModel:
+    """Two models of one device with the same random errors: at its configured position, and at the true one.
+
+    misplaced : at the true position, for samples with ``is_misplaced``, shape (n,)
+    """
+
+    def __init__(self, configured: SensorModel, misplaced: SensorModel, is_misplaced: Sequence[bool]) -> None:
+        self._configured, self._misplaced, self._is_misplaced = configured, misplaced, is_misplaced
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """See ``SensorModel``."""
+        return (self._misplaced if self._is_misplaced[k] else self._configured).measure(k, stamp)
+
+
+def make_model(
+    kind: SensorModelType, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator
+) -> SensorModel:
+    """The model of a device at the times t, shape (n,) [s], with the faults of its lever arm."""
+    faults = [f for f in world.scenario.fault if isinstance(f, LeverArm) and applies_to(f, bound)]
+    equal_rngs = [copy.deepcopy(rng) for _ in faults]
+    model = kind(bound, world, t, rng)
+    for fault, equal_rng in zip(faults, equal_rngs, strict=True):
+        is_misplaced = (t >= fault.from_s) & (t < fault.to_s)
+        if is_misplaced.any():
+            offset = (fault.forward_m, fault.right_m, fault.down_m)
+            arm_b = tuple(a + b for a, b in zip(bound.device.lever_arm_b, offset, strict=True))
+            device = replace(bound, device=bound.device.model_copy(update={"lever_arm_b": arm_b}))
+            model = MisplacedModel(model, kind(device, world, t, equal_rng), is_misplaced.tolist())
+    return model

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from fti.arrays import Array
+from fti.constants import STANDARD_GRAVITY
 from fti.devices import BoundDevice
 from fti.geodesy.formulas import EARTH_RATE
 from fti.geodesy.gravity import normal_gravity, transport_rate
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.hil.environment import Environment, mounting
 from fti.hil.faults.gnss import GnssFaults
-from fti.hil.faults.inertial import bias_steps
 from fti.hil.flight.trajectory import FlightState, earth_frame_velocity
 from fti.hil.sensors.base import position_at, velocity_at
 from fti.hil.sensors.errors import gauss_markov_noise
@@ -32,6 +33,7 @@ from fti.hil.sensors.inertial_solution import (
     free_mask,
 )
 from fti.hil.sensors.sensor_settings import settings_of
+from fti.hil.tables.fault_types import Fault, InertialBias
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, Stamp, TimeScale, Velocity
 
 EARTH_RATE_E = np.array([0.0, 0.0, EARTH_RATE])
@@ -151,3 +153,17 @@ def _unit(
         unit_t, BARO_SD, BARO_PERIOD_S, rng
     )
     return InertialUnitSamples(imu, every, period / every, *measured, force, rate, baro)
+
+
+DEG_PER_HOUR = math.radians(1.0) / 3600.0
+
+
+def bias_steps(device: str, faults: Sequence[Fault], t: Array) -> tuple[Array, Array]:
+    """Biases added to specific force [m/s^2] and angular rate [rad/s] of a device, (n, 3), at t [s], shape (n,)."""
+    force, rate = np.zeros((*t.shape, 3)), np.zeros((*t.shape, 3))
+    for fault in faults:
+        if isinstance(fault, InertialBias) and fault.includes_device(device):
+            here = (t >= fault.from_s) & (t < fault.to_s)
+            force[here] += 1e-3 * STANDARD_GRAVITY * np.array(fault.accel_mg)
+            rate[here] += DEG_PER_HOUR * np.array(fault.gyro_degph)
+    return force, rate

@@ -10,9 +10,11 @@ from typing import NamedTuple
 from fti import drivers
 from fti.config import Config
 from fti.drivers import Decoder
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.messages.frames import LinkState, RawFrame
-from fti.messages.health import DeviceHealth
-from fti.service.navigation.clock_status import clock_status
+from fti.messages.health import ClockHealth, DeviceHealth
+from fti.messages.measurements import TimeScale
+from fti.messages.notes import ClockEstimate
 from fti.service.navigation.decode_chain import GAP, Chain, DeviceDecoder
 
 #: Number of health reports (twice a second) for the assessment of a state.
@@ -187,3 +189,23 @@ def _rate_hz(past: CounterHistory) -> float:
         return 0.0
     first, last = past.counts[0].messages, past.counts[-1].messages
     return max((n - first.get(name, 0) for name, n in last.items()), default=0) * 1e9 / span
+
+
+NS_PER_MS = 1e6
+
+
+def clock_status(known: ClockEstimate, *, used: bool) -> ClockHealth:
+    """Health of a clock.  used : validity times are taken from it (``use_device_time``)"""
+    offset_ns = known.offset_ns + (GPS_EPOCH_UTC_NS - LEAP_NS if known.scale == TimeScale.GPS else 0)
+    return ClockHealth(
+        scale=known.scale,
+        state=known.state,
+        used=used,
+        offset_ms=offset_ns / NS_PER_MS,
+        offset_sd_ms=None if known.offset_sd_ns is None else known.offset_sd_ns / NS_PER_MS,
+        drift_ppm=known.drift_ppm,
+        drift_sd_ppm=known.drift_sd_ppm,
+        late_share=known.late / known.messages if known.messages else 0.0,
+        messages=known.messages,
+        refused=known.refused,
+    )

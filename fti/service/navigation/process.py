@@ -14,6 +14,7 @@ from fti.bus.client import Publisher
 from fti.bus.message import encode_with_age
 from fti.clock import SystemClock
 from fti.devices import bind_devices, parse_reference
+from fti.latency_histogram import LatencyHistogram
 from fti.logger.derived_log import DerivedLog
 from fti.logger.log_layout import LogSettings
 from fti.messages.control import (
@@ -26,7 +27,7 @@ from fti.messages.control import (
     TerrainLoading,
 )
 from fti.messages.frames import TICK_LINK, RawFrame
-from fti.messages.health import NavigationHealth
+from fti.messages.health import NavigationHealth, OutputDelay
 from fti.messages.measurements import Ack
 from fti.messages.notes import AlarmReportRecord, GapRecord
 from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
@@ -36,7 +37,6 @@ from fti.service.navigation.backlog import BacklogPolicy, SkipReporter
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.derived_writer import DerivedWriter
 from fti.service.navigation.device_monitor import DeviceMonitor
-from fti.service.navigation.output_latency import OutputLatency
 from fti.service.navigation.terrain_loader import TerrainLoader
 from fti.service.startup import NavigationStartup
 
@@ -49,6 +49,31 @@ READ_LIMIT = 200
 HEALTH_PERIOD_S = 0.5
 #: Maximum wait for the end of the ring after the end of the supervisor; the recorder ends the ring.
 ORPHAN_S = 10.0
+
+
+PERIOD_NS = 5_000_000_000
+
+
+class OutputLatency:
+    """Latency percentiles over the last complete period."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._current = LatencyHistogram()
+        self._since_ns = now_ns
+        self._published: OutputDelay | None = None
+
+    def add(self, stamp_ns: int, out_ns: int) -> None:
+        """Add one latency.  stamp_ns : timestamp of a frame; out_ns : publication of its last output [ns]"""
+        self._current.add((out_ns - stamp_ns) / 1e9)
+
+    def percentiles(self, now_ns: int) -> OutputDelay | None:
+        """None without outputs, and before the end of the first period."""
+        if now_ns - self._since_ns >= PERIOD_NS:
+            late = self._current.summary
+            percentiles = OutputDelay(p50_ms=late.p50_ms, p99_ms=late.p99_ms, max_ms=late.max_ms)
+            self._published = percentiles if late.messages else None
+            self._current, self._since_ns = LatencyHistogram(), now_ns
+        return self._published
 
 
 class NavigationProcess:

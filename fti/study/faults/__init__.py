@@ -49,9 +49,8 @@ _outcomes: dict[int, list[TaskOutcome]] = {}
 
 def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` faults of each cell of the table, an eleventh of that of others."""
-    from fti.study.faults.experiment import fly  # the simulator alone needs no navigation
+    from fti.study.faults.experiment import fly, plan  # the simulator alone needs no navigation
     from fti.study.faults.judge import judge_all
-    from fti.study.faults.plan import plan
 
     _outcomes[seed] = run_all(fly, plan(runs, seed), progress)
     return judge_all(_outcomes[seed], np.random.default_rng([seed, 3]))

@@ -14,6 +14,7 @@ import numpy as np
 
 from fti.arrays import Array, Mask
 from fti.study.faults.cells import CELLS, Cell, SensorFault
+from fti.study.faults.detectability import is_detectable
 from fti.study.faults.flight import (
     AFTER_S,
     ONSET_S,
@@ -228,3 +229,29 @@ def _describe_worst(flight: SimulatedFlight, record: SolutionRecord, misled: Mas
         f"from {first_s:.0f} s; at {record['t'][at] - onset_s:.0f} s horizontal {level[at]:.1f} m,"
         f" HPL {record['hpl'][at]:.1f} m, vertical {high[at]:.1f} m, VPL {record['vpl'][at]:.1f} m"
     )
+
+
+FAULTS_PER_FLIGHT = 12
+#: Divisor of the number of faults of cells outside the table.
+OTHER_CELLS_DIVISOR = 11
+
+
+def plan(runs: int, seed: int, duration_s: float = HOUR_S) -> list[FlightTask]:
+    """``runs`` faults of each cell of the table, an eleventh of that (at least one) of others, twelve to a flight.
+
+    Terrains follow each other from flight to flight, ten of them; groups of aircraft take turns.
+    """
+    rng = np.random.default_rng([seed, 2])
+    by_group = dict[AircraftGroup, list[int]]()
+    for index, cell in enumerate(CELLS):
+        if cell.kind is not SensorFault.NONE:
+            count = runs if is_detectable(cell) else max(1, runs // OTHER_CELLS_DIVISOR)
+            by_group.setdefault(AircraftGroup.of(cell), []).extend([index] * count)
+    batches = list[tuple[AircraftGroup, tuple[int, ...]]]()
+    for group, indices in by_group.items():
+        shuffled = rng.permutation(indices).tolist()
+        batches += [
+            (group, tuple(shuffled[at : at + FAULTS_PER_FLIGHT])) for at in range(0, len(shuffled), FAULTS_PER_FLIGHT)
+        ]
+    order = rng.permutation(len(batches)).tolist()
+    return [FlightTask(seed, number, batches[at][0], batches[at][1], duration_s) for number, at in enumerate(order)]

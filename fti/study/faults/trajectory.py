@@ -14,10 +14,10 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.constants import STANDARD_GRAVITY
+from fti.geodesy.formulas import EARTH_RATE, ECC_SQ, FLATTENING, SEMI_MAJOR, SEMI_MINOR
 from fti.geodesy.gravity import transport_rate
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
-from fti.study.faults.earth import earth_rate_n, gravity_n
 from fti.study.faults.profile import SmoothProfile
 
 GRID_S = 0.04
@@ -151,3 +151,25 @@ def angular_rate_b(m: TrueMotion) -> Array:
     )
     frame_n = earth_rate_n(m.lat) + transport_rate(m.lat, m.alt, m.vel_n)
     return np.asarray(against_n + np.einsum("nij,ni->nj", mat_from_rpy(*m.rpy.T), frame_n))
+
+
+GM_M3_S2 = 3.986004418e14
+
+
+def gravity_n(lat: Array, alt: Array) -> Array:
+    """Normal gravity with the centrifugal part, north, east, down (n, 3) [m/s^2]; the product uses another form.
+
+    Source: Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd edition (2013),
+    equations 2.134, 2.139, 2.140.
+    """
+    sin2 = np.sin(lat) ** 2
+    surface = 9.7803253359 * (1.0 + 0.001931853 * sin2) / np.sqrt(1.0 - ECC_SQ * sin2)
+    m = EARTH_RATE**2 * SEMI_MAJOR**2 * SEMI_MINOR / GM_M3_S2
+    linear = 2.0 / SEMI_MAJOR * (1.0 + FLATTENING * (1.0 - 2.0 * sin2) + m)
+    down = surface * (1.0 - linear * alt + 3.0 / SEMI_MAJOR**2 * alt**2)
+    return np.stack((-8.08e-9 * alt * np.sin(2.0 * lat), np.zeros_like(lat), down), axis=-1)
+
+
+def earth_rate_n(lat: Array) -> Array:
+    """Rotation of the Earth, north, east, down (n, 3) [rad/s]: equation 2.122 of Groves."""
+    return EARTH_RATE * np.stack((np.cos(lat), np.zeros_like(lat), -np.sin(lat)), axis=-1)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.logger.statistics.activity import MAX_BINS, Activity
 from fti.logger.statistics.interval_stats import MAX_GAPS, Intervals, TimeGap
+from fti.logger.statistics.topic_stats import MAX_BINS, Activity
 
 SECOND = 1_000_000_000
 BEGIN = 1_767_323_045_000_000_000

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import displace
 from fti.study.faults.course import draw_course
-from fti.study.faults.earth import gravity_n
 from fti.study.faults.inertial_unit import ideal_samples
 from fti.study.faults.profile import SmoothProfile
-from fti.study.faults.trajectory import Course, Trajectory
+from fti.study.faults.trajectory import Course, Trajectory, gravity_n
 
 Array = NDArray[np.float64]
 
