@@ -286,7 +286,6 @@ class Ring:
 
 
 def _pack(sources: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> bytes:
-    """The content of a record."""
     count = len(frames)
     if count == 1:
         return _SINGLE_FRAME.pack(first_seq, 1, times_ns[0], len(frames[0]), sources[0]) + frames[0]

@@ -116,7 +116,6 @@ class RingReader:
 
 
 def _unpack(content: bytes) -> Iterator[RingFrame]:
-    """The frames of a record."""
     seq, count = FIELDS.unpack_from(content)
     at = FIELDS.size
     columns = []

@@ -112,7 +112,6 @@ def _number(value: float | None, digits: int, unknown: str = "-") -> str:
 
 
 def _activity(view: Overview) -> Iterator[str]:
-    """The activity of all topics over the same time axis."""
     topics = [topic for topic in view.statistics.topics if topic.topic != TICK_TOPIC and not view.is_copy(topic)]
     width = max((len(topic.topic) for topic in topics), default=5)
     cells = min(max(shutil.get_terminal_size((120, 40)).columns - width - 3, MIN_WIDTH), MAX_WIDTH)
@@ -140,7 +139,6 @@ def _height(rate: float) -> int:
 
 
 def _gaps(view: Overview) -> Iterator[str]:
-    """The longest gaps of the links."""
     found = [(gap, link) for link in view.links if link.topic.startswith(RAW_PREFIX) for gap in view.find_gaps(link)]
     if not found:
         return

@@ -58,7 +58,6 @@ def _track(legs: Sequence[TrackLeg]) -> Iterator[str]:
 
 
 def _assumptions(assumed: Assumptions | None) -> Iterator[str]:
-    """Assumptions of the limits on navigation, flight, terrain and receiver."""
     if assumed is None:
         yield "assumes      not stated (old format): nothing is compared in flight"
         return
@@ -83,7 +82,6 @@ def _lateral_detection(detection: Detection | None) -> Iterator[str]:
 
 
 def _obstacles(obstacles: Obstacles | None) -> Iterator[str]:
-    """The smallest detectable obstacle, by width and section of the approach."""
     if obstacles is None:
         return
     yield (

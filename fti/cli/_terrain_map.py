@@ -238,7 +238,6 @@ def _short(path: str, max_length: int = 26) -> str:
 
 
 def _draw_line(relief: Axes, east: Array, north: Array) -> None:
-    """The line of the profile in the map."""
     relief.plot(east, north, color=BLACK, linewidth=1.0)
     for name, k, side in (("A ", 0, "right"), (" B", -1, "left")):
         relief.annotate(

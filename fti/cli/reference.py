@@ -109,7 +109,6 @@ def _make(args: argparse.Namespace) -> int:
 
 
 def _limit_warnings(limits: Limits) -> Iterator[str]:
-    """Warnings on the limits of a reference."""
     from fti.proportions import max_failures_by_chance
 
     max_alarms = max_failures_by_chance(limits.verified_runs, limits.pfa)

@@ -91,7 +91,6 @@ def _describe(device: dict[str, Any]) -> list[str]:
 
 
 def _send(args: argparse.Namespace) -> int:
-    """Send one command and print its result."""
     import secrets
 
     from fti.service.control_client import send_command

@@ -35,9 +35,10 @@ def run(args: argparse.Namespace) -> int:
     from fti.cli._read_report import progress_bar, report_faults, report_remarks
     from fti.logger.reading.recording import Recording
     from fti.logger.reading.session_metadata import SNAPSHOT_NOTE
+    from fti.new_file import write_new_file
     from fti.post.reprocess import other_setup, recorded_setup
     from fti.post.sync import analyse
-    from fti.post.sync_page import write_page
+    from fti.post.sync_page import page
     from fti.post.sync_report import as_json, as_text
     from fti.post.time_base import check_output_path, write
 
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         write(sync, Path(args.out))
     if args.plot:
-        write_page(sync, session.name, args.plot)
+        write_new_file(args.plot, page(sync, session.name).encode())
     print_json(as_json(sync)) if args.json else print_lines(as_text(sync))
     report_faults(recording)
     return 3 if recording.faults else 0

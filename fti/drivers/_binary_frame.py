@@ -190,7 +190,6 @@ class FrameCodec:
                 raise ValueError(f"where[{i}]: value = {error}") from None
 
     def _check_round_trip(self) -> None:
-        """An encoded frame must be decodable."""
         try:
             frame = self.encode({})
         except (struct.error, OverflowError, IndexError):

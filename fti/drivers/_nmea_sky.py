@@ -156,7 +156,6 @@ def _merge_satellites(satellites: Iterable[Satellite]) -> dict[SatelliteKey, Sat
 
 
 def _merge_signals(newer: Satellite, older: Satellite) -> Satellite:
-    """The same satellite on two signals."""
     cn0 = max(newer.cn0_dbhz or 0.0, older.cn0_dbhz or 0.0) or None
     if newer.elevation is None:
         return replace(newer, elevation=older.elevation, azimuth=older.azimuth, cn0_dbhz=cn0)

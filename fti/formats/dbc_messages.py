@@ -297,7 +297,6 @@ def _inserter(signal: Any, length: int, is_float: bool) -> Inserter:
 
 
 def _float_extractor(extract: Callable[[int, int], int], bits: int, is_float: bool) -> Extractor:
-    """Extractor that converts the bits of a floating-point signal."""
     if not is_float:
         return extract
     unpack, mask = _FLOATS[bits].unpack, (1 << bits) - 1

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,15 +50,11 @@ def find_grid(model: str, directories: Sequence[Path]) -> Path:
     if model not in GRIDS:
         raise ValueError(f"unknown geoid {model!r}; must be one of {', '.join(GRIDS)}")
     names, remedy = GRIDS[model]
-    for path in _candidates(names, directories):
+    for path in (directory / name for name in names for directory in directories):
         if path.is_file():
             return path
     searched = ", ".join(map(str, directories)) or "no directory"
     raise MissingError(f"the geoid grid of {model} ({' or '.join(names)}) is not in {searched}; {remedy}")
-
-
-def _candidates(names: Sequence[str], directories: Sequence[Path]) -> Iterator[Path]:
-    return (directory / name for name in names for directory in directories)
 
 
 class Geoid:

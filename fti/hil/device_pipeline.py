@@ -30,10 +30,6 @@ from fti.hil.tables.schema import Scenario
 from fti.messages.measurements import Measurement
 
 
-def _always(t: float | None) -> bool:
-    return True
-
-
 class DevicePipeline:
     """A device in one flight.
 
@@ -46,7 +42,7 @@ class DevicePipeline:
         sensor: SimulatedSensor,
         scenario: Scenario,
         until_s: float = float("inf"),
-        is_powered: Callable[[float | None], bool] = _always,
+        is_powered: Callable[[float | None], bool] = lambda t: True,
     ) -> None:
         faults, seed = scenario.fault, scenario.seed
         end_s = min(until_s, float(sensor.due[-1])) if len(sensor.due) else 0.0
@@ -88,7 +84,11 @@ class DevicePipeline:
         assert t is not None
         messages = []
         if cycle_s is not None and cycle_s <= t:
-            messages = self._pop_messages(start_ns) if self._is_powered(t) else self._discard_all()
+            if self._is_powered(t):
+                messages = self._pop_messages(start_ns)
+            else:  # a device without power loses prepared messages and answers
+                self._prepared.clear()
+                self._answers = []
             self._k += 1
         return self._apply_stages(t, messages)
 
@@ -127,12 +127,6 @@ class DevicePipeline:
         if self._answers and not self._prepared:
             messages, self._answers = messages + self._answers, []
         return messages
-
-    def _discard_all(self) -> list[bytes]:
-        """Discard prepared messages and answers of a device without power."""
-        self._prepared.clear()
-        self._answers = []
-        return []
 
     def respond(self, data: bytes, t: float) -> list[bytes]:
         """Answers at t [s] to bytes from the daemon; before the flight begins (t < 0) no fault acts."""

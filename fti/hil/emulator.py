@@ -265,6 +265,5 @@ def make_environment(scenario: Scenario, progress: Callable[[str], None] = lambd
 
 
 def _is_beyond_terrain(flight: WaypointFlight, terrain: Terrain) -> bool:
-    """Is a waypoint outside the terrain?"""
     lat, lon = np.radians([(point.lat_deg, point.lon_deg) for point in flight.waypoint]).T
     return bool(np.isnan(terrain.height(lat, lon)).any())

@@ -148,7 +148,6 @@ class Environment:
 
 
 def _unreached_faults(scenario: Scenario, duration: float) -> tuple[str, ...]:
-    """Remarks on faults that begin after the end of the flight."""
     return tuple(
         f"fault[{i}], {describe(fault)}, begins at {fault.from_s:g} s, but the flight ends at {duration:.0f} s"
         for i, fault in enumerate(scenario.fault)

@@ -117,25 +117,22 @@ class StatusPublisher:
         """Publish with real-time priority, because a wait for a core with the interpreter lock delays the sender."""
         with realtime_priority():
             while not self._ended.wait(PERIOD_S):
-                if self._join():
-                    self._publish()
+                if publisher := self._join():
+                    t_ns = self._clock.now_ns()
+                    content = encode_with_age(self._describe(), t_ns, self._clock.now_ns(), MAX_AGE_MS)
+                    publisher.publish(TOPIC, content)
             self._leave()
 
-    def _join(self) -> bool:
-        """Connect to the bus of a running daemon, also after its restart.  Returns whether a daemon runs."""
+    def _join(self) -> Publisher | None:
+        """Connect to the bus of a running daemon, also after its restart.  None: no daemon runs."""
         try:
             find_daemon(self._run_dir)
         except MissingError:
             self._leave()
-            return False
+            return None
         if self._publisher is None:
             self._publisher = Publisher(Path(self._run_dir) / SOCKET_NAME, PROCESS)
-        return True
-
-    def _publish(self) -> None:
-        assert self._publisher is not None
-        t_ns = self._clock.now_ns()
-        self._publisher.publish(TOPIC, encode_with_age(self._describe(), t_ns, self._clock.now_ns(), MAX_AGE_MS))
+        return self._publisher
 
     def _leave(self) -> None:
         if self._publisher is not None:

@@ -162,7 +162,6 @@ _schedulers: dict[asyncio.AbstractEventLoop, BeatScheduler] = {}
 
 
 def _running_scheduler() -> BeatScheduler:
-    """The scheduler of the running loop."""
     loop = asyncio.get_running_loop()
     if loop not in _schedulers:
         _schedulers[loop] = BeatScheduler(loop)

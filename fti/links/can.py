@@ -341,6 +341,5 @@ def _socket_at(fd: int) -> socket.socket | None:
 
 
 def _shut_down(opening: asyncio.Future[can.BusABC]) -> None:
-    """Shut down a bus after a cancelled opening."""
     if opening.exception() is None:
         opening.result().shutdown()

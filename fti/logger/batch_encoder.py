@@ -53,7 +53,6 @@ def encode_batches(
 
 
 def _are_equal(frames: Sequence[bytes]) -> bool:
-    """Have all frames the same length?"""
     return list(map(len, frames)).count(len(frames[0])) == len(frames)
 
 

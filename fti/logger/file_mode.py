@@ -19,11 +19,6 @@ def set_file_mode(mode: int) -> None:
     _mode = mode
 
 
-def folder_mode(mode: int) -> int:
-    """Permissions of the folder: readers of the files may enter it, 0750 for 0640."""
-    return mode | (mode & _READ) >> 2
-
-
 def create_file(path: Path) -> int:
     """Create a file that must not exist, for reading and writing; returns its descriptor.  Raises OSError."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
@@ -36,4 +31,4 @@ def make_folder(path: Path) -> None:
     """Create a folder that must not exist.  Raises OSError."""
     path.mkdir(mode=0o700)
     with contextlib.suppress(OSError):
-        path.chmod(folder_mode(_mode))
+        path.chmod(_mode | (_mode & _READ) >> 2)  # readers of the files may enter the folder: 0750 for 0640

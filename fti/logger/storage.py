@@ -210,17 +210,13 @@ class StorageMachine:
         targets = range(len(self._names))
         if self.target is None:
             yield from (OpenAttempt(target, strict=False) for target in targets)
-        elif self._in_trouble:
+        elif self._refusal or self._lost_file or self._slow_since is not None:
             same_target_first = self._refusal is None and self._lost_file is not None
             for target in sorted(targets, key=lambda target: (target == self.target) != same_target_first):
                 if self._is_ripe(now, target):
                     yield OpenAttempt(target, strict=False)
         elif self.target != MAIN and now >= self._return_at:
             yield OpenAttempt(MAIN, strict=True)
-
-    @property
-    def _in_trouble(self) -> bool:
-        return bool(self._refusal or self._lost_file or self._slow_since is not None)
 
     def _is_ripe(self, now: float, target: int) -> bool:
         """Does the fault last long enough to try a target?"""

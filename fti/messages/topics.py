@@ -208,8 +208,6 @@ def _output_topics() -> Iterator[Topic]:
 
 
 def _notes() -> Iterator[Topic]:
-    """Notes of the service."""
-
     def note(name: str, rate: str, text: str, *files: FileKind, bus: str = "") -> Topic:
         kind = NOTE_CLASSES[name]
         return Topic(name=name, text=text, rate=rate, content=kind, schema=schema_name(kind), files=files, bus=bus)

@@ -55,7 +55,7 @@ HATCH = f"""<pattern id="gap" width="7" height="7" patternUnits="userSpaceOnUse"
 
 def write_plot(view: Overview, path: Path) -> None:
     """Write the plot to a new file, ``.html`` or ``.svg``.  Raises StorageError."""
-    picture = make_svg(view)
+    picture = "\n".join(_Plot(view).lines())
     name = escape(view.recording.path.absolute().name)
     page = (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{name} · activity</title>'
@@ -65,14 +65,7 @@ def write_plot(view: Overview, path: Path) -> None:
     write_new_file(path, (page if path.suffix == ".html" else picture + "\n").encode())
 
 
-def make_svg(view: Overview) -> str:
-    """The plot as one SVG element."""
-    return "\n".join(_Plot(view).lines())
-
-
 class _Plot:
-    """Layout and elements of the plot."""
-
     def __init__(self, view: Overview) -> None:
         self._view = view
         self._span_ns = max(view.end_ns - view.begin_ns, 1)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import html
 import json
 from importlib.resources import files
-from pathlib import Path
 
-from fti.new_file import write_new_file
 from fti.post.sync import Sync
 from fti.post.sync_report import as_text, computer_curve, curves
 
@@ -66,8 +64,3 @@ the line is the minimum delay, below which almost no message lies. A falling lin
 </body>
 </html>
 """
-
-
-def write_page(sync: Sync, title: str, path: Path) -> None:
-    """Write the page to a new file.  Raises StorageError when it cannot be written."""
-    write_new_file(path, page(sync, title).encode())

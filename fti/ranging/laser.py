@@ -205,12 +205,10 @@ def _validity(code: Codes, echoes: PulseEchoes, far_enough: Mask, received: Mask
 
 
 def _concatenate(parts: list[Returns]) -> Returns:
-    """The returns of all parts of the pulses in order."""
     return Returns(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Returns)))
 
 
 def _reshape(returns: Returns, shape: tuple[int, ...]) -> Returns:
-    """The same returns in another shape."""
     return Returns(
         returns.slant_range.reshape(shape),
         returns.direction_s.reshape(*shape, 3),

@@ -88,7 +88,7 @@ class Chapter10:
         return Skip(at, skip.reason) if at > 0 else skip
 
     def _measure_body(self, buffer: bytearray) -> int | Skip:
-        length, data_length, flags, kind = _lengths(buffer)
+        _, _, length, data_length, _, _, flags, kind, _, _, _ = HEADER.unpack_from(buffer)
         start = _header_end(flags)
         trailer = length - start - data_length
         if trailer < SUMMANDS.get(flags & 3, (0, ""))[0] or length % 4:
@@ -136,12 +136,6 @@ class Chapter10:
         )[:-2]  # fmt: skip
         self._sequence = (self._sequence + 1) & 0xFF
         return header + struct.pack("<H", _sum(header, "H", 2)) + body + struct.pack("<I", _sum(body, "I", 4))
-
-
-def _lengths(buffer: bytearray) -> tuple[int, int, int, int]:
-    """Packet length, data length, flags and type of a header."""
-    _, _, length, data_length, _, _, flags, kind, _, _, _ = HEADER.unpack_from(buffer)
-    return length, data_length, flags, kind
 
 
 def _is_damaged(buffer: bytearray, length: int, flags: int) -> bool:

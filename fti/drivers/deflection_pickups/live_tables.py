@@ -32,8 +32,6 @@ NamedMeasurements = tuple[str, list[Measurement]]
 
 @dataclass(slots=True)
 class _TableTransfer:
-    """A table that a node is sending."""
-
     count: int
     points: list[tuple[int, int]] = field(default_factory=list)
 

@@ -109,7 +109,6 @@ def _power_flags(fault: Breaker | BrownOut, case: FaultCase) -> RuleResult:
 
 
 def _stale_flags(case: FaultCase) -> list[ExpectedFlag]:
-    """Navigation receives no new data of the device."""
     age = case.craft.max_age_s(case.name)
     back = case.craft.boot_s(case.name) + 2 * case.craft.period_s(case.name) + NAV_S
     return _loss_flags(case, ("stale",), age + NAV_S, back)

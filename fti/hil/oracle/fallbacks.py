@@ -7,7 +7,7 @@ The flag belongs to the fault that causes the loss of the last device, or of the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from fti.hil.faults.applicability import applies_to
@@ -38,7 +38,9 @@ def fallback_flags(faults: tuple[Fault, ...], craft: AircraftRoles) -> list[tupl
     """The faults after which no device gives a position, each with the flags of the fallback source."""
     found = list[tuple[int, FaultFlags]]()
     for last, until_s, clears_s in _position_gaps(list(_losses(faults, craft, craft.positions)), craft):
-        unit = _first_loss(_losses(faults, craft, (craft.filter_imu,)), last.from_s, until_s)
+        losses = _losses(faults, craft, (craft.filter_imu,))
+        during = (loss for loss in losses if loss.from_s < until_s and loss.until_s > last.from_s)
+        unit = min(during, key=lambda loss: loss.from_s, default=None)
         filter_until_s = until_s if unit is None else unit.from_s
         has_filter = craft.filter_imu is not None and filter_until_s > last.from_s
         if has_filter:
@@ -48,12 +50,6 @@ def fallback_flags(faults: tuple[Fault, ...], craft: AircraftRoles) -> list[tupl
             cause, old = (unit, FILTER) if has_filter and unit else (last, last.name)
             found.append((cause.fault, _takeover_flags((RADIO, old), cause, until_s, clears_s)))
     return found
-
-
-def _first_loss(losses: Iterable[_DeviceLoss], from_s: float, until_s: float) -> _DeviceLoss | None:
-    """The first loss in an interval."""
-    during = [one for one in losses if one.from_s < until_s and one.until_s > from_s]
-    return min(during, key=lambda one: one.from_s, default=None)
 
 
 def _takeover_flags(sources: tuple[str, str], cause: _DeviceLoss, until_s: float, clears_s: float) -> FaultFlags:
@@ -74,7 +70,6 @@ def _position_gaps(losses: list[_DeviceLoss], craft: AircraftRoles) -> Iterator[
 
 
 def _losses(faults: tuple[Fault, ...], craft: AircraftRoles, names: tuple[str | None, ...]) -> Iterator[_DeviceLoss]:
-    """The losses of these devices."""
     for index, fault in enumerate(faults):
         for bound in craft.devices:
             name = bound.device.name

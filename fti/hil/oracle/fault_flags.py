@@ -152,7 +152,6 @@ def _terrain_shift_flags(craft: AircraftRoles, truth: TruthSeries) -> FaultFlags
 
 
 def _link_flags(fault: LinkFault, craft: AircraftRoles, truth: TruthSeries, link: str) -> FaultFlags:
-    """Flags of a bus and its devices."""
     end = fault.to_s + LEDGER_S
     allowances = [
         FlagAllowance(f"{place}/{link}", fault.from_s, end + WINDOW_S) for place in (LEDGER, LINKS, "/fti/event")

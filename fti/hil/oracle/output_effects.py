@@ -133,7 +133,6 @@ class OutputEffects:
         return is_truth_checked(fault, on_source=name in self._craft.sources or name in self._craft.filter_gnss)
 
     def _faults_on(self, names: Sequence[str]) -> Iterator[tuple[DeviceFault | BusOff | Babbling, str]]:
-        """The faults of these devices."""
         for fault in self._faults:
             for name in names:
                 bound = self._bound.get(name)

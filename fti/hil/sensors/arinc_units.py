@@ -114,7 +114,7 @@ class ArincUnit:
         mach = math.sqrt(5.0 * ((impact / static + 1.0) ** (1 / 3.5) - 1.0))
         readings: dict[str, float | None] = {"mach": mach, "total_pressure": static + impact}
         readings["baro_setting"] = self._avionics.setting_pa
-        readings |= self._inertial(k) | self._equipment
+        readings |= dict(zip(INERTIAL, self._rows[k].tolist(), strict=True)) | self._equipment
         measurements += _readings(stamp, readings | self._gnss(k, stamp))
         total = temperature * (1.0 + 0.2 * mach**2)
         return [*measurements, Temperature(stamp=stamp, total=total), DeviceStatus(stamp=stamp, ok=True)]
@@ -133,9 +133,6 @@ class ArincUnit:
             "satellites_used": used,
             "gnss_mode": MODE_NAVIGATION if position.valid else MODE_ACQUISITION,
         }
-
-    def _inertial(self, k: int) -> dict[str, float]:
-        return dict(zip(INERTIAL, self._rows[k].tolist(), strict=True))
 
 
 def _readings(stamp: Stamp, values: dict[str, float | None]) -> list[Measurement]:

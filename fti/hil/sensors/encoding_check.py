@@ -26,7 +26,6 @@ def is_carried(sensor: SimulatedSensor, name: str, cycles: Cycles, encoded: list
 
 
 def _change_number(name: str, cycles: Cycles) -> Iterator[list[Measurement]]:
-    """The measurements with another value in one field."""
     kind, _, field = name.rpartition(".")
     kind, _, label = kind.rstrip("]").partition("[")
     quantity = parse(f"{kind}.{field}")

@@ -71,7 +71,6 @@ class GenericDevice:
 
 
 def _drifting_values(field: Field, t: Array, rng: np.random.Generator) -> Array:
-    """Drifting values within the limits of a reading."""
     low, high = field.limits or (-1.0, 1.0)
     middle, half = (low + high) / 2, (high - low) / 2
     return middle + np.clip(gauss_markov_noise(t, half / 10, PERIOD_S, rng), -half, half)

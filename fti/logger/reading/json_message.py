@@ -83,7 +83,6 @@ def whole_number(value: Any) -> int:
 
 
 def _depth(data: bytes) -> int:
-    """Nesting depth of the brackets."""
     depth = deepest = 0
     for bracket in _TEXT.sub(b"", data).translate(None, _NO_BRACKETS):
         if bracket in _CLOSING:

@@ -247,7 +247,6 @@ class Recording:
         return found
 
     def _smallest_following(self) -> list[int]:
-        """The smallest number in all later chunks, for each chunk."""
         smallest = [
             min((seq for seq, _ in numbered_messages), default=2**64) for numbered_messages in self._numbered_chunks()
         ]

@@ -91,7 +91,6 @@ def split(chunk: ChunkData, channels: Collection[int], *, open_end: bool) -> lis
 
 
 def _merge_segments(found: Sequence[ChunkSegment]) -> list[ChunkSegment]:
-    """Merge adjacent verified segments."""
     merged: list[ChunkSegment] = []
     for segment in found:
         if merged and merged[-1].verified and segment.verified:

@@ -112,8 +112,6 @@ def _close_each(paths: Iterable[Path]) -> list[CloseResult]:
 
 
 class _FileCloser:
-    """Closes one locked file."""
-
     def __init__(self, path: Path, fd: int, inspection: UnfinishedFile, size: int) -> None:
         self._path = path
         self._fd = fd

@@ -31,7 +31,6 @@ def file_begins(source: TolerantFile) -> list[int]:
 
 
 def _begins(source: TolerantFile, at: int) -> bool:
-    """Do magic and a header begin here?"""
     return source.read(at, len(MAGIC) + 1) == MAGIC + bytes([Op.HEADER])
 
 

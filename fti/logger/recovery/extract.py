@@ -158,8 +158,6 @@ def _head(source: TolerantFile) -> bytes:
 
 
 class _Extraction:
-    """Extraction of one file."""
-
     def __init__(
         self,
         source: TolerantFile,
@@ -275,7 +273,6 @@ class _Extraction:
             damages.append(Damage(piece.begin, piece.end, self._last_ns))
 
     def _compare(self) -> None:
-        """Compare with the summary."""
         report, summary = self._report, self._summary_index
         report.unreadable_bytes = self._source.unreadable
         if summary:

@@ -162,7 +162,8 @@ class LedgerCheck:
         files_end = ranges[-1].last + 1 if ranges else 0
         for run, after in zip_longest(self.runs, self.runs[1:]):
             run.end = after.recorder.first_seq if after else max(files_end, run.last.next_seq)
-        self._check_unknown()
+        for topic in sorted(self._numbers.topics.keys() - set(self._marks)) if self.runs else ():
+            self.findings.append(f"{topic}: has frames but is in no ledger")
         self._check_errors()
 
     def _compare(self, topic: str, mark: _Mark) -> None:
@@ -193,11 +194,6 @@ class LedgerCheck:
                     f"files; it states {dropped} dropped{held_text}"
                 )
                 return
-
-    def _check_unknown(self) -> None:
-        known = set(self._marks)
-        for topic in sorted(self._numbers.topics.keys() - known) if self.runs else ():
-            self.findings.append(f"{topic}: has frames but is in no ledger")
 
     def _check_errors(self) -> None:
         """Compare the number of recorded error frames of a CAN bus."""

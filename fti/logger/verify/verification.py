@@ -47,8 +47,6 @@ def verify(recording: Recording, progress: Progress = lambda done, total: None) 
 
 
 class _Verification:
-    """One verification."""
-
     def __init__(self, recording: Recording, progress: Progress) -> None:
         self._recording = recording
         self._report = VerifyReport(files=len(recording.files))

@@ -417,7 +417,6 @@ class FaultDetection:
         self._add_event(t_ns, "warning", describe_misled(group, names, finding, t_ns))
 
     def _report_readmitted_aids(self, t_ns: int) -> None:
-        """Report excluded aids that aid again."""
         readmitted = self._excluded_aids - self._navigator.find_exclusions().keys()
         self._excluded_aids -= readmitted
         for name in sorted(readmitted):

@@ -19,7 +19,7 @@ from fti.post.score.observed_flags import ObservedFlags
 from fti.post.score.outcome import BenchLateness, FlightOutcome, bench_finding, decide, measure_lateness, truth_finding
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, Result, UnexpectedFlag
-from fti.post.score.truth_reader import FlightTruth
+from fti.post.score.truth_reader import FlightTruth, overlap_s
 from fti.post.score.unexpected_flags import allowed_flags, unexpected_flags
 from fti.post.score.unit_findings import unit_findings
 
@@ -119,7 +119,7 @@ def _meet_expectation(expectation: Expectation, observation: FlightObservation) 
     result = Result.MISSING
     if begin < observation.start_s:
         result = Result.START
-    elif observation.pause_time_s(begin - BEFORE_S, end):
+    elif overlap_s(observation.pauses, begin - BEFORE_S, end):
         result = Result.LATE_BENCH
     return ExpectationRow(expectation, result, None, during[-1][1] if during else None)
 

@@ -39,10 +39,6 @@ class FlightObservation:
         start_s = min(max(observed_flags.first_report_s, 0.0), start_limit_s(flight_truth, limits))
         return cls(observed_flags, flight_truth.truth.end_s, flight_truth.pauses, start_s, flight_truth.real_time)
 
-    def pause_time_s(self, from_s: float, until_s: float) -> float:
-        """Part of an interval in which the bench was late [s]."""
-        return overlap_s(self.pauses, from_s, until_s)
-
     def last_pause_end_s(self, from_s: float, until_s: float) -> float | None:
         """End of the last pause of the bench in an interval [s]; None without a pause."""
         return max((p.until_s for p in self.pauses if p.from_s < until_s and p.until_s > from_s), default=None)

@@ -91,7 +91,6 @@ class DerivedWriter:
                 self._segment.close()
 
     def _step(self, due: bool) -> None:
-        """Write the queue."""
         try:
             segment = self._find_part()
             if segment is None:
@@ -105,7 +104,8 @@ class DerivedWriter:
             self._unflushed = 0
             if due:
                 segment.sync()
-                self._close_if_lost(segment)
+                if segment.find_lost_file():
+                    self._abandon(segment)
         except StorageError as error:
             self.fault = str(error)
             self._refused_since = self._refused_since or time.monotonic()
@@ -143,10 +143,6 @@ class DerivedWriter:
                 if before:
                     before.close()
                 return
-
-    def _close_if_lost(self, segment: LogSegment) -> None:
-        if segment.find_lost_file():
-            self._abandon(segment)
 
     def _abandon(self, segment: LogSegment) -> None:
         """Abandon the file; unflushed data are lost.  It is closed if the medium permits."""

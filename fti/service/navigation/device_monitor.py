@@ -124,7 +124,8 @@ class DeviceMonitor:
             driver=device.driver,
             state=state,
             hint=hint,
-            is_known=self._is_known,
+            # navigation has processed enough time to know which devices are silent
+            is_known=(self._counted_ns or 0) - (self._first_ns or 0) > MIN_OBSERVATION_NS,
             messages=device_decoder.messages,
             rate_hz=rate,
             age_ms=None if device_decoder.last_ns is None else (now_ns - device_decoder.last_ns) / 1e6,
@@ -137,11 +138,6 @@ class DeviceMonitor:
                 for known in self._chain.clocks_of(device_decoder.name, now_ns)
             ),
         )
-
-    @property
-    def _is_known(self) -> bool:
-        """Navigation has processed enough time to know which devices are silent."""
-        return (self._counted_ns or 0) - (self._first_ns or 0) > MIN_OBSERVATION_NS
 
     def _assess(self, device_decoder: DeviceDecoder, past: CounterHistory, rate: float) -> tuple[LinkState, str]:
         """Assess up to the last processed frame: navigation that is behind cannot know that a link is silent."""

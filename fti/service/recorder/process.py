@@ -259,7 +259,6 @@ class RecorderProcess:
                 self._sender.handle_command(message)
 
     def _dropped(self) -> dict[str, Dropped]:
-        """Dropped frames of each link."""
         return {unit.link.name: Dropped.of(unit.received.stats, unit.link.status) for unit in self._units}
 
     def _send_file_number(self, number: int, confirmed: bool) -> None:

@@ -173,7 +173,6 @@ class CommandTracker:
             self._report_unexpected(ack)
 
     def _report_unexpected(self, ack: DeviceAnswer) -> None:
-        """Report an answer that no open command waits for."""
         late = next((r for r in self._recently_abandoned() if r.matches_answer(ack, MARGIN_NS)), None)
         if late:
             self._abandoned.remove(late)

@@ -95,9 +95,6 @@ class SessionShutdown:
         healthy_folders = self._session_storage.folders
         if storage.get("state") in UNHEALTHY_STATES:
             healthy_folders = [folder for folder in healthy_folders if folder == Path(storage["file"] or "").parent]
-        with catch_failures("repair", self._report_to_user):
+        with catch_failures("repair", lambda unit, error: self._announce(f"error: {unit}: {error}")):
             for level, text in self._session_storage.close_files(healthy_folders):
                 self._announce(f"{level}: repair: {text}")
-
-    def _report_to_user(self, unit: str, error: Exception) -> None:
-        self._announce(f"error: {unit}: {error}")

@@ -73,7 +73,6 @@ def _alarms(known: ApproachReference, flight: SimulatedApproach, scan: WindowBat
 
 
 def _scan_shares(scan: WindowBatch) -> tuple[float, float]:
-    """Shares of windows that are available and observable."""
     limits = reference().header.limits
     protector = ProtectionCalculator(limits, SETTINGS)
     alert = np.maximum(SETTINGS.alert_v_m, np.radians(SETTINGS.alert_v_deg) * scan.s)

@@ -195,7 +195,6 @@ def fly_with_fault(name: str, seed: int, run: int) -> tuple[SimulatedApproach, A
 
 
 def _place_index(run: int) -> int:
-    """Index of the place of the obstacle."""
     return run // 2 % len(PLACES_M)
 
 
@@ -218,7 +217,7 @@ def fly_faulty(argument: tuple[str, int, int]) -> FaultyApproach:
         over=math.isfinite(first),
         delay_s=_delay_to(outputs, first, _is_alert),
         size_s=_delay_to(outputs, full, _is_alert),
-        warned_s=_delay_to(outputs, first, _is_warning),
+        warned_s=_delay_to(outputs, first, lambda output: output.state not in TRUSTED),
         observable=is_observable(outputs_before[-1]),
         trusted_again=_is_trusted_again(outputs, flight, over_limit),
         is_promised=argument[0] in OBSTACLES and promises(argument[0], _place_index(argument[2])),
@@ -253,10 +252,6 @@ def _is_trusted_again(outputs: Sequence[ClearanceIntegrity], flight: SimulatedAp
 
 def _is_alert(output: ClearanceIntegrity) -> bool:
     return output.state is IntegrityState.ALERT
-
-
-def _is_warning(output: ClearanceIntegrity) -> bool:
-    return output.state not in TRUSTED
 
 
 def is_observable(output: ClearanceIntegrity) -> bool:
