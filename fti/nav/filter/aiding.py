@@ -64,32 +64,16 @@ class LastingErrors:
     """A source whose own errors, if any, never change suddenly."""
 
     __slots__ = ()
-
-    @property
-    def can_reinitialise(self) -> bool:
-        """Never."""
-        return False
-
-    @property
-    def is_new_source(self) -> bool:
-        """Never: its states are its own."""
-        return False
-
-    @property
-    def corrects_own_states_only(self) -> bool:
-        """Never."""
-        return False
+    can_reinitialise = False
+    is_new_source = False
+    corrects_own_states_only = False
 
 
 class _NoOwnStates(LastingErrors):
     """A source without states of its own."""
 
     __slots__ = ()
-
-    @property
-    def own_states(self) -> tuple[str, ...]:
-        """None."""
-        return ()
+    own_states: tuple[str, ...] = ()
 
 
 HORIZONTAL, VERTICAL = frozenset({"horizontal"}), frozenset({"vertical"})
@@ -140,16 +124,12 @@ class GnssHeight(_NoOwnStates):
     """The height of a position that has one."""
 
     position: GnssPosition
+    bounds = VERTICAL
 
     @property
     def name(self) -> str:
         """``gnss.height`` of ``gnss.position``."""
         return f"{self.position.name.removesuffix('.position')}.height"
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """The height."""
-        return VERTICAL
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """The last row of the position."""
@@ -167,11 +147,7 @@ class GnssVelocity(_NoOwnStates):
     sd: float
     lever_arm_b: Vector = AT_P
     name: str = "gnss.velocity"
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """Nothing: with a velocity only, the position still drifts slowly."""
-        return NO_AXES
+    bounds = NO_AXES  # with a velocity only, the position still drifts slowly
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """z = v_measured - mat_ne (v + mat_eb (omega_eb x arm))."""
@@ -193,26 +169,10 @@ class BaroAltitude:
     sd: float
     name: str = "baro.altitude"
     is_new_source: bool = False
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """The height, as well as the slow offset is known."""
-        return VERTICAL
-
-    @property
-    def own_states(self) -> tuple[str, ...]:
-        """The offset."""
-        return (Extra.BARO,)
-
-    @property
-    def can_reinitialise(self) -> bool:
-        """A new pressure setting is a new offset."""
-        return True
-
-    @property
-    def corrects_own_states_only(self) -> bool:
-        """Never."""
-        return False
+    bounds = VERTICAL  # as well as the slow offset is known
+    own_states = (Extra.BARO,)
+    can_reinitialise = True  # a new pressure setting is a new offset
+    corrects_own_states_only = False
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """z = alt_measured - alt - drift - scale alt_measured."""
@@ -235,11 +195,7 @@ class TerrainAltitude(LastingErrors):
     dem_factor: float = 1.0
     bias: str = Extra.ALTIMETER
     scale: str = Extra.ALTIMETER_SCALE
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """The height."""
-        return VERTICAL
+    bounds = VERTICAL
 
     @property
     def own_states(self) -> tuple[str, ...]:
@@ -276,16 +232,8 @@ class SlantRange(LastingErrors):
     direction_n: Vector
     normal_n: Vector
     name: str = "altimeter.range"
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """The height."""
-        return VERTICAL
-
-    @property
-    def own_states(self) -> tuple[str, ...]:
-        """Its bias and scale."""
-        return Extra.ALTIMETER, Extra.ALTIMETER_SCALE
+    bounds = VERTICAL
+    own_states = (Extra.ALTIMETER, Extra.ALTIMETER_SCALE)
 
     @property
     def meets_ground(self) -> bool:

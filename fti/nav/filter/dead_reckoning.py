@@ -29,11 +29,7 @@ class _NoPosition(LastingErrors):
     """A source that does not bound the drift of the position."""
 
     __slots__ = ()
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """Nothing."""
-        return NO_AXES
+    bounds = NO_AXES
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,16 +50,8 @@ class TrueAirspeed(_NoPosition):
     sd: float
     lateral_sd: float
     name: str = "air.airspeed"
-
-    @property
-    def own_states(self) -> tuple[str, ...]:
-        """Wind, scale, sideslip."""
-        return tuple(AIRSPEED_DRIFTS)
-
-    @property
-    def corrects_own_states_only(self) -> bool:
-        """While satellites aid."""
-        return True
+    own_states = tuple(AIRSPEED_DRIFTS)
+    corrects_own_states_only = True  # while satellites aid
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """z and H of both rows."""
@@ -109,11 +97,7 @@ class MagneticHeading(_NoPosition):
     declination: float
     sd: float
     name: str = "magnetometer.heading"
-
-    @property
-    def own_states(self) -> tuple[str, ...]:
-        """Its slow error."""
-        return tuple(HEADING_DRIFTS)
+    own_states = tuple(HEADING_DRIFTS)
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """One row."""
