@@ -8,22 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups.layout import SENSORS, Pickup, PickupBus
-from fti.drivers.deflection_pickups.service import (
-    DELETE,
-    INSERT,
-    MODIFY,
-    NAMES,
-    OUT_OF_RANGE,
-    POINT,
-    READ,
-    TIS,
-    Service,
-    unpack_count,
-    unpack_interval,
-    unpack_point,
-    unpack_service,
-)
 from fti.drivers.deflection_pickups.table import CalibrationTable
 from fti.messages.measurements import Ack, Calibration, DeviceStatus, Measurement, Stamp
 
@@ -59,49 +45,49 @@ class LiveTables:
 
         Raises ValueError for data that are not a response.
         """
-        service = unpack_service(data)
+        service = wire.unpack_service(data)
         if service.node not in self._nodes:
             return "", []
-        if service.number == TIS:
+        if service.number == wire.TIS:
             return "set_rate", [self._interval(service, stamp)]
-        if service.number in (INSERT, MODIFY, DELETE, READ):
-            return NAMES[service.number], self._answer(service, stamp)
-        if POINT <= service.number < POINT + SENSORS:
+        if service.number in (wire.INSERT, wire.MODIFY, wire.DELETE, wire.READ):
+            return wire.NAMES[service.number], self._answer(service, stamp)
+        if wire.POINT <= service.number < wire.POINT + SENSORS:
             return "point", self._point(service, stamp)
         return f"service_{service.number}", []
 
-    def _interval(self, service: Service, stamp: Stamp) -> Ack:
-        echo = unpack_interval(service)
+    def _interval(self, service: wire.Service, stamp: Stamp) -> Ack:
+        echo = wire.unpack_interval(service)
         detail = f"node {self._nodes[service.node]}"
         if echo and echo[1]:
             detail += f": message {echo[0]} at {1000.0 / echo[1]:g} Hz"
         accepted = service.code == 0
-        reason = "out of range" if service.code == OUT_OF_RANGE else f"result {service.code}"
+        reason = "out of range" if service.code == wire.OUT_OF_RANGE else f"result {service.code}"
         text = detail if accepted else f"{detail}: refused: {reason}"
         return Ack(stamp=stamp, command="set_rate", accepted=accepted, detail=text)
 
-    def _answer(self, service: Service, stamp: Stamp) -> list[Measurement]:
+    def _answer(self, service: wire.Service, stamp: Stamp) -> list[Measurement]:
         """The response to an edit or to a request for the table."""
-        command = NAMES[service.number]
+        command = wire.NAMES[service.number]
         sensor = self._bus.find_sensor(service.node, service.sensor)
         if sensor is None or not service.is_done:
             surface = sensor.surface if sensor else f"node {self._nodes[service.node]}, sensor {service.sensor}"
             return [Ack(stamp=stamp, command=command, accepted=False, detail=f"{surface}: {service.result}")]
-        if service.number == READ:
-            count = unpack_count(service)
+        if service.number == wire.READ:
+            count = wire.unpack_count(service)
             self._transfers.pop(sensor.surface, None)
             if not count:
                 return [self._read_ack(sensor.surface, False, "the node has no table", stamp)]
             self._transfers[sensor.surface] = _TableTransfer(count)
             return []
-        raw, hundredths = unpack_point(service)
-        description = f"raw {raw}" if service.number == DELETE else f"raw {raw} = {hundredths / 100:.2f} deg"
+        raw, hundredths = wire.unpack_point(service)
+        description = f"raw {raw}" if service.number == wire.DELETE else f"raw {raw} = {hundredths / 100:.2f} deg"
         ack = Ack(stamp=stamp, command=command, accepted=True, detail=f"{sensor.surface}: {description}")
         self._transfers.pop(sensor.surface, None)  # the edit makes an active transfer invalid
         return [ack, *self._apply_node_edit(sensor, service, (raw, hundredths), f"{command} {description}", stamp)]
 
     def _apply_node_edit(
-        self, sensor: Pickup, service: Service, point: tuple[int, int], change: str, stamp: Stamp
+        self, sensor: Pickup, service: wire.Service, point: tuple[int, int], change: str, stamp: Stamp
     ) -> list[Measurement]:
         """Apply an edit of the node to our table; if that fails, the tables differ and ours is deleted."""
         table = self._tables.get(sensor.surface)
@@ -114,13 +100,13 @@ class LiveTables:
             return [DeviceStatus(stamp=stamp, ok=False, flags=(f"{sensor.surface}_table_differs",))]
         return self._set(sensor.surface, changed, change, stamp)
 
-    def _point(self, service: Service, stamp: Stamp) -> list[Measurement]:
+    def _point(self, service: wire.Service, stamp: Stamp) -> list[Measurement]:
         """One point of a table transfer; the last one completes it."""
-        sensor = self._bus.find_sensor(service.node, service.number - POINT)
+        sensor = self._bus.find_sensor(service.node, service.number - wire.POINT)
         transfer = self._transfers.get(sensor.surface) if sensor else None
         if sensor is None or transfer is None:
             return []
-        point = unpack_point(service)
+        point = wire.unpack_point(service)
         if service.code != len(transfer.points):
             del self._transfers[sensor.surface]
             return [self._read_ack(sensor.surface, False, "a point is missing", stamp)]
@@ -152,10 +138,10 @@ def _apply_edit(table: CalibrationTable, number: int, point: tuple[int, int]) ->
 
     A node modifies only an existing point, and inserts only a new one; a repeated answer is accepted.
     """
-    if number == DELETE:
+    if number == wire.DELETE:
         return table.without_point(point[0])
-    if number == MODIFY and not table.has_point(point[0]):
+    if number == wire.MODIFY and not table.has_point(point[0]):
         raise ValueError(f"no point with raw count {point[0]}")
-    if number == INSERT and table.has_point(point[0]) and point not in table.points:
+    if number == wire.INSERT and table.has_point(point[0]) and point not in table.points:
         raise ValueError(f"another point with raw count {point[0]}")
     return table.with_point(*point)

@@ -17,18 +17,7 @@ from __future__ import annotations
 import math
 import struct
 
-from fti.drivers.imar_ixcom.data_selection import (
-    ALT_BARO,
-    ALT_MSL,
-    ALT_WGS84,
-    DEFAULT_SELECTION,
-    LON_LAT,
-    RPY_DIN70000,
-    VEL_BODY,
-    VEL_ECEF,
-    VEL_ENU,
-    VEL_NED,
-)
+from fti.drivers.imar_ixcom import data_selection
 from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.deviations import StandardDeviations
 from fti.drivers.imar_ixcom.generic_values import all_finite, nan_if_none
@@ -51,7 +40,7 @@ def decode_inssol(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measur
     v = INSSOL.unpack(frame.payload)
     selection, sd = v[16] or decoder_state.options.data_selection, decoder_state.deviations(frame.stamp)
     rpy: Vector | None = v[6:9]
-    if selection & RPY_DIN70000 or not all_finite(v[6], v[7], v[8]):
+    if selection & data_selection.RPY_DIN70000 or not all_finite(v[6], v[7], v[8]):
         rpy = None
     measurements = decode_imu(frame.stamp, v[0:3], v[3:6], selection)
     if rpy:
@@ -83,28 +72,28 @@ def _velocity(frame: IxcomFrame, ned: Vector, sd: StandardDeviations) -> Velocit
 
 def _north_east_down(vel: Vector, selection: int, rpy: Vector | None, lat: float, lon: float) -> Vector | None:
     """The velocity of INSSOL; None if its frame or the rotation is unknown."""
-    if selection & VEL_NED:
+    if selection & data_selection.VEL_NED:
         return vel
-    if selection & VEL_ENU:
+    if selection & data_selection.VEL_ENU:
         return vel[1], vel[0], -vel[2]
-    if selection & VEL_ECEF:
+    if selection & data_selection.VEL_ECEF:
         return rotate_back(mat_en(lat, lon), vel) if all_finite(lat, lon) else None
-    return rotate(mat_nb(*rpy), vel) if selection & VEL_BODY and rpy else None
+    return rotate(mat_nb(*rpy), vel) if selection & data_selection.VEL_BODY and rpy else None
 
 
 def _positions(frame: IxcomFrame, v: tuple[float, ...], selection: int, sd: StandardDeviations) -> list[Measurement]:
     """The position of INSSOL; a barometric altitude as PressureAltitude."""
-    lon, lat = v[12:14] if selection & LON_LAT and all_finite(v[12], v[13]) else (None, None)
+    lon, lat = v[12:14] if selection & data_selection.LON_LAT and all_finite(v[12], v[13]) else (None, None)
     height, undulation = v[14] if math.isfinite(v[14]) else None, v[15] / 100 if v[15] else None
     alt = alt_msl = None
-    if selection & ALT_WGS84:
+    if selection & data_selection.ALT_WGS84:
         alt, alt_msl = height, None if height is None or undulation is None else height - undulation
-    elif selection & ALT_MSL:
+    elif selection & data_selection.ALT_MSL:
         alt, alt_msl = None if height is None or undulation is None else height + undulation, height
     measurements: list[Measurement] = []
     if lat is not None or alt is not None or alt_msl is not None:
         measurements.append(_position(frame, (lat, lon, alt), sd, alt_msl, undulation))
-    if selection & ALT_BARO and height is not None:
+    if selection & data_selection.ALT_BARO and height is not None:
         measurements.append(PressureAltitude(stamp=frame.stamp, alt_press=height, valid=frame.footer.is_position_good))
     return measurements
 
@@ -178,7 +167,11 @@ def encode_inssol(
     """Payload of INSSOL; the altitude is WGS84 where it is known, else MSL; the velocity NED; missing: NaN."""
     altitude = position.alt_msl if position.alt is None else position.alt
     by_msl = position.alt is None and position.alt_msl is not None
-    selection = DEFAULT_SELECTION & ~ALT_WGS84 | ALT_MSL if by_msl else DEFAULT_SELECTION
+    selection = (
+        data_selection.DEFAULT_SELECTION & ~data_selection.ALT_WGS84 | data_selection.ALT_MSL
+        if by_msl
+        else data_selection.DEFAULT_SELECTION
+    )
     undulation = max(-32768, min(32767, round((position.undulation or 0.0) * 100)))
     accel, gyro = (imu.accel_b or LOST, imu.gyro_b or LOST) if imu else (LOST, LOST)
     return INSSOL.pack(

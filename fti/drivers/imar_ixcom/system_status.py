@@ -13,20 +13,10 @@ from __future__ import annotations
 
 import struct
 
+from fti.drivers.imar_ixcom import status
 from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.encoder_state import EncoderState
 from fti.drivers.imar_ixcom.generic_values import GenericValue, decode_generic_values, nan_if_none
-from fti.drivers.imar_ixcom.status import (
-    EKF_HIGH,
-    EKF_LOW,
-    GNSS,
-    SYSTEM,
-    SYSTEM_2,
-    Names,
-    decode_word,
-    encode_word,
-    word_names,
-)
 from fti.drivers.imar_ixcom.wire import IxcomFrame
 from fti.messages.measurements import Measurement
 
@@ -35,17 +25,17 @@ SECONDS = struct.Struct("<f")
 REMAINING = GenericValue("remaining_align_time", "s")
 REMAINING_BIT = 8
 #: The words that each bit of the mode adds; none: a time.
-WORDS: tuple[tuple[Names, ...], ...] = (
-    (word_names("imu_status"),),
-    (GNSS,),
-    (word_names("magnetometer_status"),),
-    (word_names("madc_status"),),
-    (EKF_LOW, EKF_HIGH),
-    (word_names("ekf_general"),),
-    tuple(word_names(f"additional_{i}") for i in range(4)),
-    (word_names("service"),),
+WORDS: tuple[tuple[status.Names, ...], ...] = (
+    (status.word_names("imu_status"),),
+    (status.GNSS,),
+    (status.word_names("magnetometer_status"),),
+    (status.word_names("madc_status"),),
+    (status.EKF_LOW, status.EKF_HIGH),
+    (status.word_names("ekf_general"),),
+    tuple(status.word_names(f"additional_{i}") for i in range(4)),
+    (status.word_names("service"),),
     (),
-    (SYSTEM_2,),
+    (status.SYSTEM_2,),
 )
 MIN_PAYLOAD_BYTES = 2 * WORD.size
 
@@ -55,13 +45,13 @@ def decode_sysstat(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measu
     mode = WORD.unpack_from(frame.payload)[0]
     if mode >> len(WORDS) or len(frame.payload) != _length(mode):
         return None
-    flags = decode_word(WORD.unpack_from(frame.payload, WORD.size)[0], SYSTEM)
+    flags = status.decode_word(WORD.unpack_from(frame.payload, WORD.size)[0], status.SYSTEM)
     measurements: list[Measurement] = []
     at = MIN_PAYLOAD_BYTES
     for bit, words in enumerate(WORDS):
         if mode >> bit & 1:
             for names in words:
-                flags += decode_word(WORD.unpack_from(frame.payload, at)[0], names)
+                flags += status.decode_word(WORD.unpack_from(frame.payload, at)[0], names)
                 at += WORD.size
             if bit == REMAINING_BIT:
                 measurements += decode_generic_values(frame.stamp, [REMAINING], SECONDS.unpack_from(frame.payload, at))
@@ -78,9 +68,9 @@ def encode_sysstat(encoder_state: EncoderState) -> bytes:
     """Payload with the words in which a flag is set, and the alignment time if known."""
     mode, body = 0, b""
     for bit, words in enumerate(WORDS):
-        values = [encode_word(encoder_state.flags, names) for names in words]
+        values = [status.encode_word(encoder_state.flags, names) for names in words]
         if any(values):
             mode, body = mode | 1 << bit, body + b"".join(map(WORD.pack, values))
         elif bit == REMAINING_BIT and REMAINING.name in encoder_state.readings:
             mode, body = mode | 1 << bit, body + SECONDS.pack(nan_if_none(encoder_state.readings[REMAINING.name]))
-    return WORD.pack(mode) + WORD.pack(encode_word(encoder_state.flags, SYSTEM)) + body
+    return WORD.pack(mode) + WORD.pack(status.encode_word(encoder_state.flags, status.SYSTEM)) + body

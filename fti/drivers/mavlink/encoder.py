@@ -10,22 +10,10 @@ from pymavlink.dialects.v20 import common
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
+from fti.drivers.mavlink import sensors
 from fti.drivers.mavlink.commands import REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, Options
 from fti.drivers.mavlink.fields import UNKNOWN_U16, all_finite
 from fti.drivers.mavlink.motion import FIX_3D, NO_SATELLITES
-from fti.drivers.mavlink.sensors import (
-    DOWNWARD,
-    GAUSS,
-    IMU_ABS,
-    IMU_ACCEL,
-    IMU_DIFF,
-    IMU_GYRO,
-    IMU_MAG,
-    INVALID_SIGNAL,
-    LASER,
-    RADAR,
-    UNKNOWN_VARIANCE,
-)
 from fti.drivers.mavlink.system import MODES, STATES
 from fti.drivers.mavlink.wire import FRAME_MAX, Frames, header, layout, payload
 from fti.formats.device_time import device_time_ns
@@ -115,9 +103,9 @@ class Encoder:
         """Bits of the known fields, and nine values; unknown ones are 0."""
         mag = self._simultaneous(MagneticField, m)
         parts = (
-            (IMU_ACCEL, m.accel_b),
-            (IMU_GYRO, m.gyro_b),
-            (IMU_MAG, tuple(b / GAUSS for b in mag.field_b) if mag else None),
+            (sensors.IMU_ACCEL, m.accel_b),
+            (sensors.IMU_GYRO, m.gyro_b),
+            (sensors.IMU_MAG, tuple(b / sensors.GAUSS for b in mag.field_b) if mag else None),
         )
         fields = sum(bits for bits, vector in parts if vector)
         return fields, tuple(value for _, vector in parts for value in vector or (0.0,) * 3)
@@ -171,13 +159,15 @@ class Encoder:
         return [common.MAVLink_scaled_pressure_message(_boot_ms(m.stamp), m.p_static / HECTOPASCAL, q_c, 0)]
 
     def _distance(self, m: Range | RadioHeight) -> list[Any]:
-        kind, value = (RADAR, m.height_agl) if isinstance(m, RadioHeight) else (LASER, m.slant_range)
+        kind, value = (sensors.RADAR, m.height_agl) if isinstance(m, RadioHeight) else (sensors.LASER, m.slant_range)
         current = 0 if value is None else _limited(value * 100, DISTANCE_MIN_CM, UNKNOWN_U16)
-        variance = UNKNOWN_VARIANCE if m.sd is None else _limited((m.sd * 100) ** 2, 1, UNKNOWN_VARIANCE - 1)
+        variance = (
+            sensors.UNKNOWN_VARIANCE if m.sd is None else _limited((m.sd * 100) ** 2, 1, sensors.UNKNOWN_VARIANCE - 1)
+        )
         return [
             common.MAVLink_distance_sensor_message(
-                _boot_ms(m.stamp), DISTANCE_MIN_CM, DISTANCE_MAX_CM, current, kind, 0, DOWNWARD, variance,
-                signal_quality=100 if m.valid else INVALID_SIGNAL,
+                _boot_ms(m.stamp), DISTANCE_MIN_CM, DISTANCE_MAX_CM, current, kind, 0, sensors.DOWNWARD, variance,
+                signal_quality=100 if m.valid else sensors.INVALID_SIGNAL,
             )
         ]  # fmt: skip
 
@@ -200,7 +190,7 @@ class Encoder:
         """HIL_SENSOR with magnetic field and pressures of the same t_rx_ns."""
         fields, values = self._inertial(m)
         static, impact = self._simultaneous(StaticPressure, m), self._simultaneous(ImpactPressure, m)
-        fields |= (IMU_ABS if static else 0) | (IMU_DIFF if impact else 0)
+        fields |= (sensors.IMU_ABS if static else 0) | (sensors.IMU_DIFF if impact else 0)
         p_static = static.p_static / HECTOPASCAL if static else 0.0
         q_c = impact.q_c / HECTOPASCAL if impact else 0.0
         return [common.MAVLink_hil_sensor_message(_boot_us(m.stamp), *values, p_static, q_c, 0.0, 0.0, fields)]

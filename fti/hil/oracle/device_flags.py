@@ -40,36 +40,8 @@ from fti.hil.oracle.flag_definitions import (
 from fti.hil.oracle.ground_flags import fog_flags, gnss_offset_flags, stuck_flags, wrong_value_flags
 from fti.hil.oracle.source_flags import INDISTINGUISHABLE, expected_source_flags
 from fti.hil.oracle.truth_checked_faults import SourceFault
+from fti.hil.tables import fault_types
 from fti.hil.tables.fault_base import DeviceFault, QuantityFault
-from fti.hil.tables.fault_types import (
-    AttitudeOffset,
-    BitErrors,
-    Breaker,
-    BrownOut,
-    Burst,
-    ClockDrift,
-    ClockJump,
-    Cut,
-    Duplicated,
-    Fog,
-    Freeze,
-    GnssDegraded,
-    GnssOffset,
-    GnssOutage,
-    GnssRamp,
-    InertialBias,
-    Invalid,
-    Latency,
-    LeverArm,
-    LostHeader,
-    Reordered,
-    Stuck,
-    SwappedCoordinates,
-    Truncated,
-    Undulation,
-    WrongChecksum,
-    WrongLabel,
-)
 
 #: Shortest message, to estimate the number of wrong bits.
 MESSAGE_BITS = 64.0
@@ -97,11 +69,11 @@ def silence_flags(case: FaultCase) -> list[ExpectedFlag]:
     return [health, *_stale_flags(case)]
 
 
-def _power_flags(fault: Breaker | BrownOut, case: FaultCase) -> RuleResult:
+def _power_flags(fault: fault_types.Breaker | fault_types.BrownOut, case: FaultCase) -> RuleResult:
     """A breaker is open, or the voltage is too low for the device; power units report which."""
-    if isinstance(fault, BrownOut) and not case.craft.stops_at(case.name, fault.supply_v):
+    if isinstance(fault, fault_types.BrownOut) and not case.craft.stops_at(case.name, fault.supply_v):
         return [], ""
-    word = f"{case.name}_{'tripped' if isinstance(fault, Breaker) else 'brown_out'}"
+    word = f"{case.name}_{'tripped' if isinstance(fault, fault_types.Breaker) else 'brown_out'}"
     units = case.craft.power_units
     within_s, clears_s = UNIT_S, UNIT_S + case.craft.boot_s(case.name)
     flags = [case.expected_flag(f"/{unit}/device_status", word, within_s=within_s, clears_s=clears_s) for unit in units]
@@ -127,7 +99,7 @@ def _loss_flags(
     return found
 
 
-def _invalid_flags(fault: Invalid, case: FaultCase) -> RuleResult:
+def _invalid_flags(fault: fault_types.Invalid, case: FaultCase) -> RuleResult:
     """The device declares its measurements invalid."""
     if not case.craft.can_declare_invalid(case.name):
         return [], "the protocol cannot declare a measurement invalid"
@@ -141,7 +113,7 @@ def _invalid_flags(fault: Invalid, case: FaultCase) -> RuleResult:
     return expected_flags + _loss_flags(case, ("device_flag", "no_return"), soon, back), ""
 
 
-def _outage_flags(fault: GnssOutage, case: FaultCase) -> RuleResult:
+def _outage_flags(fault: fault_types.GnssOutage, case: FaultCase) -> RuleResult:
     """A receiver declares its position invalid, and has a fix again FIX_S after the signals return."""
     name, period = case.name, case.craft.period_s(case.name)
     if not case.craft.is_receiver(name):
@@ -155,7 +127,7 @@ def _outage_flags(fault: GnssOutage, case: FaultCase) -> RuleResult:
     return expected_flags, ""
 
 
-def _degraded_flags(fault: GnssDegraded, case: FaultCase) -> RuleResult:
+def _degraded_flags(fault: fault_types.GnssDegraded, case: FaultCase) -> RuleResult:
     """A receiver states its standard deviation with each position, if the protocol has a field for it."""
     if not case.craft.is_receiver(case.name):
         return [], "the device does not state a standard deviation of the position"
@@ -168,7 +140,7 @@ def _degraded_flags(fault: GnssDegraded, case: FaultCase) -> RuleResult:
     ], ""
 
 
-def _freeze_flags(fault: Freeze, case: FaultCase) -> RuleResult:
+def _freeze_flags(fault: fault_types.Freeze, case: FaultCase) -> RuleResult:
     """Repeated messages have old timestamps; without a device time they cannot be detected."""
     if not case.craft.sends_time(case.name):
         return [], "repeated messages without a device time are not detectable"
@@ -187,7 +159,7 @@ def _relearn_s(case: FaultCase) -> float:
     return CLOCK_RELEARN_S if case.until_s - case.from_s > CLOCK_LEARN_S else 1.0
 
 
-def _clock_jump_flags(fault: ClockJump, case: FaultCase) -> RuleResult:
+def _clock_jump_flags(fault: fault_types.ClockJump, case: FaultCase) -> RuleResult:
     if abs(fault.by_s) < MIN_CLOCK_ERROR_S:
         return [], f"the clock error is less than {MIN_CLOCK_ERROR_S:g} s"
     return [_clock_away_flag(case)], ""
@@ -195,16 +167,16 @@ def _clock_jump_flags(fault: ClockJump, case: FaultCase) -> RuleResult:
 
 def _damage_flags(fault: Any, case: FaultCase) -> RuleResult:
     """Damaged bytes are rejected; data become stale only with share = 1.  On CAN only short frames are rejected."""
-    if case.craft.is_on_can(case.name) and not isinstance(fault, Truncated):
+    if case.craft.is_on_can(case.name) and not isinstance(fault, fault_types.Truncated):
         return [], "wrong data in a CAN frame with a correct checksum"
     bits = MESSAGE_BITS * (case.until_s - case.from_s) / case.craft.period_s(case.name)
-    if isinstance(fault, BitErrors) and fault.rate * bits < MIN_WRONG_BITS:
+    if isinstance(fault, fault_types.BitErrors) and fault.rate * bits < MIN_WRONG_BITS:
         return [], f"fewer than {MIN_WRONG_BITS:g} wrong bits"
     rejected = case.expected_flag(case.health, "damaged bytes", within_s=HEALTH_S + 1.0, clears_s=HEALTH_S + 1.0)
     return [rejected, *(_stale_flags(case) if getattr(fault, "share", 0.0) >= 1.0 else [])], ""
 
 
-def _wrong_label_flags(fault: WrongLabel, case: FaultCase) -> RuleResult:
+def _wrong_label_flags(fault: fault_types.WrongLabel, case: FaultCase) -> RuleResult:
     """Messages with an unknown identifier count as missing."""
     if fault.share < 1.0:
         return [], "messages with an unknown identifier may belong to another device"
@@ -213,7 +185,7 @@ def _wrong_label_flags(fault: WrongLabel, case: FaultCase) -> RuleResult:
     return [*(health if case.craft.has_rate(case.name) else []), *_stale_flags(case)], ""
 
 
-def _duplicate_flags(fault: Duplicated, case: FaultCase) -> RuleResult:
+def _duplicate_flags(fault: fault_types.Duplicated, case: FaultCase) -> RuleResult:
     if fault.share < RATE_SHARE or not case.craft.has_rate(case.name):
         return [], f"duplicated messages, at a share below {RATE_SHARE:g} or without a rate_hz"
     return [
@@ -221,7 +193,7 @@ def _duplicate_flags(fault: Duplicated, case: FaultCase) -> RuleResult:
     ], ""
 
 
-def _burst_flags(fault: Burst, case: FaultCase) -> RuleResult:
+def _burst_flags(fault: fault_types.Burst, case: FaultCase) -> RuleResult:
     """Messages are stale if they are held longer than their age limit."""
     if fault.hold_s < case.craft.max_age_s(case.name) + 2 * NAV_S:
         return [], "the bursts are shorter than the age limit (max_age_ms)"
@@ -234,28 +206,33 @@ def _undetected_rule(reason: str) -> Callable[[Any, FaultCase], RuleResult]:
 
 #: Kinds of device faults and their rules.
 RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
-    (Cut, lambda fault, case: (silence_flags(case), "")),
-    (Breaker | BrownOut, _power_flags),
-    (Freeze, _freeze_flags),
-    (Stuck, stuck_flags),
-    (Invalid, _invalid_flags),
-    (GnssOutage, _outage_flags),
+    (fault_types.Cut, lambda fault, case: (silence_flags(case), "")),
+    (fault_types.Breaker | fault_types.BrownOut, _power_flags),
+    (fault_types.Freeze, _freeze_flags),
+    (fault_types.Stuck, stuck_flags),
+    (fault_types.Invalid, _invalid_flags),
+    (fault_types.GnssOutage, _outage_flags),
     (QuantityFault, wrong_value_flags),
-    (GnssDegraded, _degraded_flags),
-    (GnssOffset, gnss_offset_flags),
-    (LeverArm, _undetected_rule("a wrong mounting position is not detectable")),
+    (fault_types.GnssDegraded, _degraded_flags),
+    (fault_types.GnssOffset, gnss_offset_flags),
+    (fault_types.LeverArm, _undetected_rule("a wrong mounting position is not detectable")),
     (
-        GnssRamp | SwappedCoordinates | Undulation | AttitudeOffset | InertialBias | Latency,
+        fault_types.GnssRamp
+        | fault_types.SwappedCoordinates
+        | fault_types.Undulation
+        | fault_types.AttitudeOffset
+        | fault_types.InertialBias
+        | fault_types.Latency,
         _undetected_rule(INDISTINGUISHABLE),
     ),
-    (Fog, fog_flags),
-    (ClockJump, _clock_jump_flags),
-    (ClockDrift, _undetected_rule("a slow drift is taken as the drift of the clock itself")),
-    (BitErrors | LostHeader | Truncated | WrongChecksum, _damage_flags),
-    (WrongLabel, _wrong_label_flags),
-    (Duplicated, _duplicate_flags),
-    (Reordered, _undetected_rule("messages out of order raise no flag")),
-    (Burst, _burst_flags),
+    (fault_types.Fog, fog_flags),
+    (fault_types.ClockJump, _clock_jump_flags),
+    (fault_types.ClockDrift, _undetected_rule("a slow drift is taken as the drift of the clock itself")),
+    (fault_types.BitErrors | fault_types.LostHeader | fault_types.Truncated | fault_types.WrongChecksum, _damage_flags),
+    (fault_types.WrongLabel, _wrong_label_flags),
+    (fault_types.Duplicated, _duplicate_flags),
+    (fault_types.Reordered, _undetected_rule("messages out of order raise no flag")),
+    (fault_types.Burst, _burst_flags),
 )
 
 
@@ -263,12 +240,20 @@ RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
 #: message is sent.
 NO_MESSAGE_WORDS = ("silent", "noise", "wrong rate")
 HEALTH_WORDS: Sequence[tuple[Any, tuple[str, ...]]] = (
-    (QuantityFault | SwappedCoordinates, ("invalid", *NO_MESSAGE_WORDS)),
-    (Stuck | Invalid | Fog | GnssDegraded | GnssOffset | SourceFault, ("invalid",)),
-    (GnssOutage, ("invalid", "clock away")),
-    (ClockJump | ClockDrift, ("clock away",)),
-    (Duplicated, ("wrong rate",)),
-    (Cut | Breaker | BrownOut, ("invalid", "clock away", *NO_MESSAGE_WORDS)),
+    (QuantityFault | fault_types.SwappedCoordinates, ("invalid", *NO_MESSAGE_WORDS)),
+    (
+        fault_types.Stuck
+        | fault_types.Invalid
+        | fault_types.Fog
+        | fault_types.GnssDegraded
+        | fault_types.GnssOffset
+        | SourceFault,
+        ("invalid",),
+    ),
+    (fault_types.GnssOutage, ("invalid", "clock away")),
+    (fault_types.ClockJump | fault_types.ClockDrift, ("clock away",)),
+    (fault_types.Duplicated, ("wrong rate",)),
+    (fault_types.Cut | fault_types.Breaker | fault_types.BrownOut, ("invalid", "clock away", *NO_MESSAGE_WORDS)),
 )
 
 

@@ -16,57 +16,43 @@ from typing import Any, get_args
 from fti.config import StrictModel
 from fti.hil.faults.applicability import drivers_of
 from fti.hil.oracle.flags_of_kinds import FLAGS, NO_FLAG, KindFlag
+from fti.hil.tables import fault_types
 from fti.hil.tables.fault_base import DeviceFault, LinkFault, MessageFault, QuantityFault
-from fti.hil.tables.fault_types import (
-    AttitudeOffset,
-    CanStatus,
-    Fault,
-    FaultKind,
-    Fog,
-    InertialBias,
-    LeverArm,
-    Obstacle,
-    OffTrack,
-    PowerFault,
-    SwappedCoordinates,
-    TerrainShift,
-    Undulation,
-)
 
 #: Keys that all faults of devices, or of links, have.
 SHARED_KEYS = ("devices", "links", "from_s", "to_s")
 #: Subjects of the kinds; the first match counts.
 SUBJECTS: tuple[tuple[Any, str], ...] = (
-    (Obstacle | OffTrack | TerrainShift, "the world"),
-    (CanStatus, "CAN links with an slcan adapter"),
+    (fault_types.Obstacle | fault_types.OffTrack | fault_types.TerrainShift, "the world"),
+    (fault_types.CanStatus, "CAN links with an slcan adapter"),
     (LinkFault, "CAN links"),
     (QuantityFault, "devices that measure the quantity"),
     (MessageFault, "messages of devices"),
-    (SwappedCoordinates, "devices that send a latitude and a longitude"),
-    (Undulation, "devices that send a height above the ellipsoid, or an undulation"),
-    (LeverArm, "devices that send a position, a velocity or a range"),
-    (AttitudeOffset, "devices that send the angle"),
-    (InertialBias, "devices that send the angular rate or the specific force of the axis"),
-    (Fog, "devices; of these only laser altimeters are affected"),
-    (PowerFault, "devices, except power units"),
+    (fault_types.SwappedCoordinates, "devices that send a latitude and a longitude"),
+    (fault_types.Undulation, "devices that send a height above the ellipsoid, or an undulation"),
+    (fault_types.LeverArm, "devices that send a position, a velocity or a range"),
+    (fault_types.AttitudeOffset, "devices that send the angle"),
+    (fault_types.InertialBias, "devices that send the angular rate or the specific force of the axis"),
+    (fault_types.Fog, "devices; of these only laser altimeters are affected"),
+    (fault_types.PowerFault, "devices, except power units"),
     (DeviceFault, "devices"),
 )
 #: Devices of configs/demo.toml in the examples of kinds that do not apply to its altimeter.
-OTHER_DEVICES: Mapping[FaultKind, str] = {
-    FaultKind.ATTITUDE_OFFSET: "ahrs",
-    FaultKind.CLOCK_DRIFT: "gnss",
-    FaultKind.CLOCK_JUMP: "gnss",
-    FaultKind.FOG: "autopilot",
-    FaultKind.GNSS_DEGRADED: "gnss",
-    FaultKind.GNSS_OFFSET: "gnss",
-    FaultKind.GNSS_OUTAGE: "gnss",
-    FaultKind.GNSS_RAMP: "gnss",
-    FaultKind.INERTIAL_BIAS: "ins",
-    FaultKind.LEVER_ARM: "gnss",
-    FaultKind.SWAPPED_COORDINATES: "gnss",
-    FaultKind.UNDULATION: "gnss",
-    FaultKind.WRONG_CHECKSUM: "gnss",
-    FaultKind.WRONG_LABEL: "gnss",
+OTHER_DEVICES: Mapping[fault_types.FaultKind, str] = {
+    fault_types.FaultKind.ATTITUDE_OFFSET: "ahrs",
+    fault_types.FaultKind.CLOCK_DRIFT: "gnss",
+    fault_types.FaultKind.CLOCK_JUMP: "gnss",
+    fault_types.FaultKind.FOG: "autopilot",
+    fault_types.FaultKind.GNSS_DEGRADED: "gnss",
+    fault_types.FaultKind.GNSS_OFFSET: "gnss",
+    fault_types.FaultKind.GNSS_OUTAGE: "gnss",
+    fault_types.FaultKind.GNSS_RAMP: "gnss",
+    fault_types.FaultKind.INERTIAL_BIAS: "ins",
+    fault_types.FaultKind.LEVER_ARM: "gnss",
+    fault_types.FaultKind.SWAPPED_COORDINATES: "gnss",
+    fault_types.FaultKind.UNDULATION: "gnss",
+    fault_types.FaultKind.WRONG_CHECKSUM: "gnss",
+    fault_types.FaultKind.WRONG_LABEL: "gnss",
 }
 
 
@@ -111,13 +97,13 @@ def fault_kinds() -> Mapping[str, FaultDescription]:
     """Every kind of fault by its name, in the order of ``FaultKind``."""
     models = {
         kind: model
-        for model in get_args(get_args(Fault)[0])
+        for model in get_args(get_args(fault_types.Fault)[0])
         for kind in get_args(model.model_fields["kind"].annotation)
     }
-    return {kind.value: _kind(kind, models[kind]) for kind in FaultKind}
+    return {kind.value: _kind(kind, models[kind]) for kind in fault_types.FaultKind}
 
 
-def _kind(kind: FaultKind, model: type[StrictModel]) -> FaultDescription:
+def _kind(kind: fault_types.FaultKind, model: type[StrictModel]) -> FaultDescription:
     schema = model.model_json_schema()
     table = {name: entry for name, entry in schema["properties"].items() if name != "kind"}
     ordered = sorted(table, key=SHARED_KEYS.__contains__)  # its own keys first
@@ -133,7 +119,7 @@ def _kind(kind: FaultKind, model: type[StrictModel]) -> FaultDescription:
     )
 
 
-def _example(kind: FaultKind, table: Mapping[str, Any], ordered: list[str]) -> Iterator[str]:
+def _example(kind: fault_types.FaultKind, table: Mapping[str, Any], ordered: list[str]) -> Iterator[str]:
     yield "[[fault]]"
     yield f'kind = "{kind}"'
     values = {name: table[name]["examples"][0] for name in ordered if "examples" in table[name]}

@@ -13,19 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fti.errors import MissingError
+from fti.logger.reading import record_cursor
 from fti.logger.reading.limits import MAX_RECORD, MAX_TIME_NS, DeclaredSizes, LimitError
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
-from fti.logger.reading.record_cursor import (
-    ChannelFields,
-    Record,
-    attachment_content,
-    channel_fields,
-    chunk_head,
-    metadata_table,
-    record_at,
-    records_in,
-    stated_chunk_head,
-)
 from fti.logger.reading.record_validation import valid_records
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
@@ -124,7 +114,7 @@ class McapFile:
                 if record.op not in (Op.PADDING, Op.CHECKPOINTS):
                     break
                 at = record.end
-            head = chunk_head(source, at)
+            head = record_cursor.chunk_head(source, at)
             if head is None or not is_open(source, head):
                 return
             try:
@@ -154,7 +144,7 @@ class McapFile:
         except (ValueError, struct.error) as error:
             self.fault = _fault(self._at, error)
 
-    def _declare(self, channel: ChannelFields) -> None:
+    def _declare(self, channel: record_cursor.ChannelFields) -> None:
         table = channel.metadata
         texts = len(channel.topic) + len(channel.encoding) + sum(len(key) + len(table[key]) for key in table)
         self._sizes.channel(channel.channel_id, channel.topic, texts)
@@ -170,7 +160,7 @@ class McapFile:
         """The messages in the records of a chunk."""
         items: list[McapMessage] = []
         topics, walked = self._topics, 0
-        for at, end, (op, _, channel_id, sequence, log_time, publish_time) in records_in(data):
+        for at, end, (op, _, channel_id, sequence, log_time, publish_time) in record_cursor.records_in(data):
             if op == _MESSAGE:
                 if log_time > MAX_TIME_NS or publish_time > MAX_TIME_NS:
                     latest = max(log_time, publish_time)
@@ -181,18 +171,18 @@ class McapFile:
                     yield items
                     items = []
             elif op == Op.CHANNEL:
-                self._declare(channel_fields(data[at:end]))
+                self._declare(record_cursor.channel_fields(data[at:end]))
             walked = end
         if walked < len(data):
             raise ValueError("a record is longer than its chunk")
         yield items
 
 
-def _read_records(source: TolerantFile) -> Iterator[Record]:
+def _read_records(source: TolerantFile) -> Iterator[record_cursor.Record]:
     """The records of a file up to its footer.  Raises EOFError at its end, ValueError without magic, LimitError."""
     op, at = 0, _magic_end(source, 0)
     while op != Op.FOOTER:
-        record = record_at(source, at, source.size)
+        record = record_cursor.record_at(source, at, source.size)
         if record is None:
             raise EOFError
         if record.end - at - HEAD.size > MAX_RECORD:
@@ -211,17 +201,17 @@ def _magic_end(source: TolerantFile, at: int) -> int:
     return at + len(MAGIC)
 
 
-def _read_record(source: TolerantFile, record: Record) -> bytes:
+def _read_record(source: TolerantFile, record: record_cursor.Record) -> bytes:
     return source.read(record.at, record.end - record.at)
 
 
 #: Opcode -> parser of the records that a reader needs.
-_PARSERS: dict[int, Callable[[TolerantFile, Record], Any]] = {
-    Op.ATTACHMENT: lambda source, record: attachment_content(_read_record(source, record)),
-    Op.CHANNEL: lambda source, record: channel_fields(_read_record(source, record)),
-    Op.CHUNK: stated_chunk_head,
+_PARSERS: dict[int, Callable[[TolerantFile, record_cursor.Record], Any]] = {
+    Op.ATTACHMENT: lambda source, record: record_cursor.attachment_content(_read_record(source, record)),
+    Op.CHANNEL: lambda source, record: record_cursor.channel_fields(_read_record(source, record)),
+    Op.CHUNK: record_cursor.stated_chunk_head,
     Op.MESSAGE: _read_record,
-    Op.METADATA: lambda source, record: metadata_table(_read_record(source, record)),
+    Op.METADATA: lambda source, record: record_cursor.metadata_table(_read_record(source, record)),
 }
 _STOPPED = "reading stops"
 

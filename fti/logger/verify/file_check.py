@@ -19,21 +19,12 @@ from fti.logger import records
 from fti.logger.checkpoints import segments
 from fti.logger.lock import is_being_written
 from fti.logger.log_layout import altered_tables
+from fti.logger.reading import record_cursor
 from fti.logger.reading.chunk_marks import chunk_marks
 from fti.logger.reading.integrity_notes import has_unverified_end, list_end_warnings, list_notes, list_warnings
 from fti.logger.reading.limits import DeclaredSizes, LimitError
 from fti.logger.reading.mcap_file import FOOTER_BYTES, McapChannel, has_footer
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
-from fti.logger.reading.record_cursor import (
-    ChunkHead,
-    Record,
-    channel_fields,
-    chunk_head,
-    footer_fields,
-    metadata_table,
-    record_id,
-    records_in,
-)
 from fti.logger.reading.record_validation import (
     is_channel,
     is_followed_by_chunk,
@@ -117,7 +108,7 @@ class FileCheck:
             at = at or self._begin(source)
             while at and at < source.size:
                 op = source.read(at, 1)[0]
-                head = chunk_head(source, at) if op == Op.CHUNK else None
+                head = record_cursor.chunk_head(source, at) if op == Op.CHUNK else None
                 if head and not self.finished and is_open(source, head):
                     yield from self._open_chunk(source, head)
                     break
@@ -158,7 +149,7 @@ class FileCheck:
         elif self.unfinished_fault is None:
             self.unfinished_fault = f"ends after byte {at} without a footer: it is being written, or was cut off"
 
-    def _open_chunk(self, source: TolerantFile, head: ChunkHead) -> Iterator[Page]:
+    def _open_chunk(self, source: TolerantFile, head: record_cursor.ChunkHead) -> Iterator[Page]:
         """The last chunk of a file without a footer."""
         self._expect_no_index()
         growing = is_being_written(self.path)
@@ -180,7 +171,7 @@ class FileCheck:
 
     # --------------------------------------------------------------------------------------------------- records
 
-    def _chunk(self, source: TolerantFile, head: ChunkHead) -> Iterator[Page]:
+    def _chunk(self, source: TolerantFile, head: record_cursor.ChunkHead) -> Iterator[Page]:
         self._expect_no_index()
         at = head.at
         try:
@@ -203,7 +194,7 @@ class FileCheck:
         self._index = {channel: _index_of(channel, times[channel], found) for channel, found in rows.items()}
         yield self._page(data, rows, at, head.end)
 
-    def _check_checkpoints(self, source: TolerantFile, head: ChunkHead, data: bytes) -> None:
+    def _check_checkpoints(self, source: TolerantFile, head: record_cursor.ChunkHead, data: bytes) -> None:
         """Do the checkpoints before a chunk match its records?"""
         marks = chunk_marks(source, head)
         if marks.damaged:
@@ -222,7 +213,7 @@ class FileCheck:
         """Messages by channel, and the end of the whole records."""
         rows: dict[int, list[MessageRow]] = defaultdict(list)
         walked = 0
-        for at, end, (op, length, channel, sequence, log_time, _) in records_in(data):
+        for at, end, (op, length, channel, sequence, log_time, _) in record_cursor.records_in(data):
             if op == _MESSAGE:
                 rows[channel].append((sequence, log_time, at, length))
             elif not self._declare(op, data[at:end]):
@@ -238,25 +229,25 @@ class FileCheck:
         try:
             if op != Op.CHANNEL or not is_channel(body):
                 return op == Op.SCHEMA and is_schema(body)
-            channel = channel_fields(record)
+            channel = record_cursor.channel_fields(record)
             self._sizes.channel(channel.channel_id, channel.topic, len(body))
             self._topics[channel.channel_id] = McapChannel(channel.topic, channel.encoding, channel.metadata)
         except (struct.error, UnicodeDecodeError):
             return False
         return True
 
-    def _check_record(self, source: TolerantFile, record: Record) -> None:
+    def _check_record(self, source: TolerantFile, record: record_cursor.Record) -> None:
         """Check a record outside of chunks; ``valid_record`` has checked lengths, attachment checksums and padding."""
         op, at, end = record
         if op == Op.MESSAGE_INDEX:
             index = source.read(at, end - at)
-            if self._index.pop(record_id(index), None) != index:
+            if self._index.pop(record_cursor.record_id(index), None) != index:
                 self.faults.append(f"the message index at byte {at} does not match the messages")
             return
         self._expect_no_index()
         if op == Op.METADATA:
             self._sizes.metadata(end - at)
-            name, table = metadata_table(source.read(at, end - at))
+            name, table = record_cursor.metadata_table(source.read(at, end - at))
             self.metadata[name] = table
             self.warnings += list_warnings(name, table)
             self.end_warnings += list_end_warnings(name, table)
@@ -291,7 +282,7 @@ class FileCheck:
             self.faults.append("the checksum of its data section does not match")
 
     def _check_summary_crc(self, source: TolerantFile, at: int) -> None:
-        start, stated_crc = footer_fields(source.read(at, HEAD.size + 20))
+        start, stated_crc = record_cursor.footer_fields(source.read(at, HEAD.size + 20))
         if at + FOOTER_BYTES != source.size or source.read(at + 29, 8) != MAGIC:
             self.faults.append("does not end with its footer")
         elif not stated_crc or zlib.crc32(source.read(start, at + 25 - start)) != stated_crc:

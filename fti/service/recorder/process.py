@@ -16,17 +16,7 @@ from fti.links import Link, add_beat_callbacks, open_link, remove_beat_callbacks
 from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
-from fti.messages.control import (
-    EventNote,
-    FileNumber,
-    Ready,
-    RecorderEnd,
-    RecorderReport,
-    SendBytes,
-    SnapshotTrigger,
-    Stop,
-    ToRecorder,
-)
+from fti.messages import control
 from fti.messages.frames import TICK_LINK
 from fti.messages.health import HealthRecord
 from fti.messages.notes import AlarmRecord
@@ -235,7 +225,7 @@ class RecorderProcess:
         while not (self._writer.file or self._writer.has_failed_everywhere or self._clock.now_ns() > deadline):
             self._writer.poll_storage()
             await asyncio.sleep(FIRST_FILE_POLL_S)
-        self._channel.send(Ready(None if self._writer.file else self._writer.state()[1]))
+        self._channel.send(control.Ready(None if self._writer.file else self._writer.state()[1]))
 
     def _on_control(self) -> None:
         for message in self._channel.receive(lambda error: self._report("control", error)):
@@ -245,17 +235,17 @@ class RecorderProcess:
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
             self._stop.set()
 
-    def _handle_message(self, message: ToRecorder) -> None:
+    def _handle_message(self, message: control.ToRecorder) -> None:
         match message:
-            case Stop():
+            case control.Stop():
                 self._stop.set()
-            case EventNote(event, who):
+            case control.EventNote(event, who):
                 self._writer.add_note(EVENT_TOPIC, event.t_ns, {**to_table(event), "who": who})
             case AlarmRecord() | HealthRecord():
                 self._writer.add_note(*note_message(message))
-            case SnapshotTrigger(text, t_ns) if self._snapshot:
+            case control.SnapshotTrigger(text, t_ns) if self._snapshot:
                 self._snapshot.trigger(text, t_ns)
-            case SendBytes():
+            case control.SendBytes():
                 self._sender.handle_command(message)
 
     def _dropped(self) -> dict[str, Dropped]:
@@ -263,7 +253,7 @@ class RecorderProcess:
 
     def _send_file_number(self, number: int, confirmed: bool) -> None:
         """Report a file number; the next recorder needs it even if this one is killed before it creates the file."""
-        self._channel.send(FileNumber(number, confirmed))
+        self._channel.send(control.FileNumber(number, confirmed))
 
     def _report(self, unit: str, error: Exception) -> None:
         self._send_event("error", unit, f"{type(error).__name__}: {error}")
@@ -293,9 +283,9 @@ class RecorderProcess:
         self._channel.send(self._health(now))
         self._channel.send(self._describe_end(now))
 
-    def _describe_end(self, now: int) -> RecorderEnd:
+    def _describe_end(self, now: int) -> control.RecorderEnd:
         possibly_lost = [batch for source in self._sources for batch in source.possibly_lost]
-        return RecorderEnd(
+        return control.RecorderEnd(
             ledger=self._ledger.read(now, final=True),
             ledger_recorded=self._writer.notes_recorded,
             fault=self._writer.fault,
@@ -309,8 +299,8 @@ class RecorderProcess:
 
     # ------------------------------------------------------------------------------------------------- reporting
 
-    def _health(self, now: int) -> RecorderReport:
-        return RecorderReport(
+    def _health(self, now: int) -> control.RecorderReport:
+        return control.RecorderReport(
             t_ns=now,
             links={unit.link.name: link_health(unit, now) for unit in self._units},
             storage=self._storage.health(),

@@ -7,17 +7,7 @@ from typing import Any
 
 from fti.clock import Clock
 from fti.config import Config, position_sources
-from fti.messages.control import (
-    FromPage,
-    PageAcknowledgement,
-    PageCommand,
-    PageMark,
-    Readmit,
-    SnapshotTrigger,
-    ToDisplay,
-    ToNavigation,
-    UsableDevices,
-)
+from fti.messages import control
 from fti.messages.frames import ALL_SOURCES
 from fti.messages.outputs import Event
 from fti.messages.tables import to_table
@@ -43,8 +33,8 @@ class OperatorRequests:
         command_tracker: CommandTracker,
         outbox: RecorderOutbox,
         event_publisher: EventPublisher,
-        send_to_display: Callable[[ToDisplay], None],
-        send_to_navigation: Callable[[ToNavigation], bool],
+        send_to_display: Callable[[control.ToDisplay], None],
+        send_to_navigation: Callable[[control.ToNavigation], bool],
         alarms: AlarmBoard,
     ) -> None:
         self._config, self._clock = config, clock
@@ -66,20 +56,20 @@ class OperatorRequests:
 
     def send_commands_to_display(self) -> None:
         """After the start of the display process, send it catalogue and recent commands."""
-        self._send_to_display(UsableDevices(tuple(self._command_tracker.catalogue.usable())))
+        self._send_to_display(control.UsableDevices(tuple(self._command_tracker.catalogue.usable())))
         for command in self._command_tracker.recent():
             self._send_to_display(command)
 
-    def on_page_message(self, message: FromPage) -> None:
+    def on_page_message(self, message: control.FromPage) -> None:
         """Execute a request of the display process."""
         who = f"the page (the owner's key, {message.who})"
         match message:
-            case PageMark():
+            case control.PageMark():
                 if fault := self._mark(message.text, who, is_trigger=message.is_trigger).get("fault"):
                     self._event_publisher.publish_event("warning", "mark", fault)
-            case PageCommand():
+            case control.PageCommand():
                 self._command_tracker.begin(to_table(message), who)
-            case PageAcknowledgement():
+            case control.PageAcknowledgement():
                 self._acknowledge(message.alarm_id, who)
 
     def _acknowledge(self, alarm_id: Any, who: str) -> Answer:
@@ -93,7 +83,7 @@ class OperatorRequests:
         sources = position_sources(self._config.nav)
         if source not in (ALL_SOURCES, *sources):
             return {"fault": f"{source!r} is not a position source; configured: {', '.join(sources) or 'none'}"}
-        if not self._send_to_navigation(Readmit(source)):
+        if not self._send_to_navigation(control.Readmit(source)):
             return {"fault": "navigation is restarting; repeat the command when it runs"}
         now = self._clock.now_ns()
         if source == ALL_SOURCES:
@@ -116,6 +106,6 @@ class OperatorRequests:
         """Trigger the snapshot; returns the fault, or None."""
         if self._config.snapshot is None:
             return f"{self._config.path} has no [snapshot] table; a trigger needs one"
-        if not self._outbox.send(SnapshotTrigger(text, t_ns)):
+        if not self._outbox.send(control.SnapshotTrigger(text, t_ns)):
             return "the recorder is restarting; the snapshot memory is empty"
         return None

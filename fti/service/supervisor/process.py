@@ -22,27 +22,7 @@ from fti.bus.hub import Hub
 from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
-from fti.messages.control import (
-    ClockStepNotice,
-    DeviceAnswer,
-    FileNumber,
-    FromChild,
-    NavigationReport,
-    PageAcknowledgement,
-    PageCommand,
-    PageFault,
-    PageKey,
-    PageMark,
-    PagePort,
-    Ready,
-    RecorderEnd,
-    RecorderReport,
-    Refusals,
-    SendResult,
-    TerrainLoading,
-    ToDisplay,
-    ToNavigation,
-)
+from fti.messages import control
 from fti.messages.frames import ALL_SOURCES
 from fti.messages.notes import AlarmReportRecord
 from fti.messages.outputs import Event
@@ -116,7 +96,7 @@ class Supervisor:
         self._ring = Ring.create(ring_size(config.link))
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
-        self._recorder_report: RecorderReport | None = None
+        self._recorder_report: control.RecorderReport | None = None
         self._outbox = RecorderOutbox(recorder)
         self._file_numbers = FileNumbers()
         self._result = SessionResult()
@@ -278,7 +258,7 @@ class Supervisor:
         if child.name == RECORDER:
             self._outbox.resume()
         elif child.name == DISPLAY:
-            self._send_to_display(PageKey(self._page.key))
+            self._send_to_display(control.PageKey(self._page.key))
 
     def _on_exit(self, child: Child, code: int) -> None:
         if self._child_monitor.stopping:
@@ -309,57 +289,59 @@ class Supervisor:
         """What is done with each message of a child; ``Ready`` is handled by ``_on_message``."""
         requests, tracker = self._operator_requests, self._command_tracker
         return {
-            FileNumber: self._file_numbers.handle_report,
-            RecorderReport: self._on_recorder_report,
-            NavigationReport: self._on_navigation_report,
-            ClockStepNotice: self._on_clock_step,
-            SendResult: tracker.on_sent,
-            DeviceAnswer: tracker.on_ack,
-            RecorderEnd: self._on_recorder_end,
+            control.FileNumber: self._file_numbers.handle_report,
+            control.RecorderReport: self._on_recorder_report,
+            control.NavigationReport: self._on_navigation_report,
+            control.ClockStepNotice: self._on_clock_step,
+            control.SendResult: tracker.on_sent,
+            control.DeviceAnswer: tracker.on_ack,
+            control.RecorderEnd: self._on_recorder_end,
             Event: self._event_publisher.forward_event,
-            TerrainLoading: self._terrain_retry.on_loading,
-            Refusals: self._on_refusals,
+            control.TerrainLoading: self._terrain_retry.on_loading,
+            control.Refusals: self._on_refusals,
             AlarmReportRecord: self._alarms.handle_report,
-            PagePort: self._on_page_port,
-            PageFault: lambda message: self._event_publisher.publish_event("error", DISPLAY, message.text),
-            **dict.fromkeys((PageMark, PageCommand, PageAcknowledgement), requests.on_page_message),
+            control.PagePort: self._on_page_port,
+            control.PageFault: lambda message: self._event_publisher.publish_event("error", DISPLAY, message.text),
+            **dict.fromkeys(
+                (control.PageMark, control.PageCommand, control.PageAcknowledgement), requests.on_page_message
+            ),
         }
 
-    def _on_message(self, child: Child, message: FromChild) -> None:
-        if isinstance(message, Ready | PagePort):
-            self._on_ready(child, message.fault if isinstance(message, Ready) else None)
+    def _on_message(self, child: Child, message: control.FromChild) -> None:
+        if isinstance(message, control.Ready | control.PagePort):
+            self._on_ready(child, message.fault if isinstance(message, control.Ready) else None)
         if handle := self._handlers.get(type(message)):
             handle(message)
 
-    def _on_recorder_report(self, report: RecorderReport) -> None:
+    def _on_recorder_report(self, report: control.RecorderReport) -> None:
         self._recorder_report, self._board.recorder = report, to_table(report)
 
-    def _on_navigation_report(self, report: NavigationReport) -> None:
+    def _on_navigation_report(self, report: control.NavigationReport) -> None:
         self._board.navigation = to_table(report)
 
-    def _on_clock_step(self, notice: ClockStepNotice) -> None:
+    def _on_clock_step(self, notice: control.ClockStepNotice) -> None:
         self._alarms.record(Condition("clock_step", Severity.CAUTION, "COMPUTER CLOCK STEPPED", notice.text))
 
-    def _on_recorder_end(self, end: RecorderEnd) -> None:
+    def _on_recorder_end(self, end: control.RecorderEnd) -> None:
         self._result.handle_report(end)
         self._shutdown.recorded.set()
 
-    def _on_refusals(self, message: Refusals) -> None:
+    def _on_refusals(self, message: control.Refusals) -> None:
         self._refusals = message.refusals
 
-    def _on_page_port(self, message: PagePort) -> None:
+    def _on_page_port(self, message: control.PagePort) -> None:
         self._page.on_port(message.port)
         self._announce(self._page.announcement)
         self._publish_info()
         self.display_ready.set()
         self._operator_requests.send_commands_to_display()
 
-    def _send_to_display(self, message: ToDisplay) -> None:
+    def _send_to_display(self, message: control.ToDisplay) -> None:
         display = self._child(DISPLAY)
         if display and display.channel:
             display.channel.send(message)
 
-    def _send_to_navigation(self, message: ToNavigation) -> bool:
+    def _send_to_navigation(self, message: control.ToNavigation) -> bool:
         navigation = self._child(NAVIGATION)
         return bool(navigation and navigation.channel and navigation.channel.send(message))
 

@@ -11,18 +11,7 @@ from fti.arrays import Array, Mask
 from fti.nav.vertical.error_model import HEIGHT, STATES
 from fti.nav.vertical.kalman_filter import GATE
 from fti.parallel_runs import Progress, run_all
-from fti.study.robust_altimeter.channel import (
-    FAULT_STEPS,
-    INSTANTS,
-    ITERATIONS,
-    PHYSICAL,
-    PRINTED,
-    ChannelEstimate,
-    ChannelTruth,
-    ChannelVariant,
-    estimate,
-    simulate,
-)
+from fti.study.robust_altimeter import channel
 from fti.study.robust_altimeter.flights import VerticalCase, VerticalFlight, fly
 
 #: Lock-out: iteration, offset [m], duration of refusal [s].
@@ -57,39 +46,39 @@ class FlightSets(NamedTuple):
 
 def height_errors(runs: int, seed: int) -> tuple[Array, Array]:
     """INS error at the end (runs,), and error of the integrated height at the instants (10, runs) [m], as printed."""
-    truth = simulate(PRINTED, runs, np.random.default_rng([seed, 1]), drawn=False, faulted=False)
-    found = estimate(PRINTED, truth.z, math.inf)
-    return truth.x[-1, :, HEIGHT], (found.x - truth.x)[list(INSTANTS), :, HEIGHT]
+    truth = channel.simulate(channel.PRINTED, runs, np.random.default_rng([seed, 1]), drawn=False, faulted=False)
+    found = channel.estimate(channel.PRINTED, truth.z, math.inf)
+    return truth.x[-1, :, HEIGHT], (found.x - truth.x)[list(channel.INSTANTS), :, HEIGHT]
 
 
-def jumps(found: ChannelEstimate) -> Array:
+def jumps(found: channel.ChannelEstimate) -> Array:
     """Change of the estimated INS error at the four faulted iterations [m], shape (4, runs)."""
-    at = np.array(FAULT_STEPS)
+    at = np.array(channel.FAULT_STEPS)
     return np.abs(found.x[at, :, HEIGHT] - found.x[at - 1, :, HEIGHT])
 
 
-def fault_jumps(variant: ChannelVariant, runs: int, seed: int) -> FaultJumps:
+def fault_jumps(variant: channel.ChannelVariant, runs: int, seed: int) -> FaultJumps:
     """The same runs without and with refusal."""
-    truth = simulate(variant, runs, np.random.default_rng([seed, 2]), drawn=False, faulted=True)
-    found = estimate(variant, truth.z, GATE)
-    return FaultJumps(jumps(estimate(variant, truth.z, math.inf)), jumps(found), found.accepted)
+    truth = channel.simulate(variant, runs, np.random.default_rng([seed, 2]), drawn=False, faulted=True)
+    found = channel.estimate(variant, truth.z, GATE)
+    return FaultJumps(jumps(channel.estimate(variant, truth.z, math.inf)), jumps(found), found.accepted)
 
 
-def consistency_scores(variant: ChannelVariant, runs: int, seed: int) -> dict[str, ChannelScores]:
+def consistency_scores(variant: channel.ChannelVariant, runs: int, seed: int) -> dict[str, ChannelScores]:
     """Of the optimal filter without faults, and of the robust one with them."""
     results = {}
     for name, gate, faulted in (("optimal", math.inf, False), ("robust", GATE, True)):
-        truth = simulate(variant, runs, np.random.default_rng([seed, 4]), drawn=True, faulted=faulted)
-        results[name] = scores(truth, estimate(variant, truth.z, gate))
+        truth = channel.simulate(variant, runs, np.random.default_rng([seed, 4]), drawn=True, faulted=faulted)
+        results[name] = scores(truth, channel.estimate(variant, truth.z, gate))
     return results
 
 
-def scores(truth: ChannelTruth, found: ChannelEstimate) -> ChannelScores:
+def scores(truth: channel.ChannelTruth, found: channel.ChannelEstimate) -> ChannelScores:
     """Of all five states; NIS of sound measurements."""
-    at = list(INSTANTS)
+    at = list(channel.INSTANTS)
     error = (found.x - truth.x)[at]
     nees = np.einsum("tri,tri->tr", error, np.linalg.solve(found.P, error[..., None])[..., 0])
-    sound = np.setdiff1d(np.arange(1, ITERATIONS + 1), FAULT_STEPS)
+    sound = np.setdiff1d(np.arange(1, channel.ITERATIONS + 1), channel.FAULT_STEPS)
     return ChannelScores(
         error / found.sd[at], nees / STATES, np.mean(found.innovation[sound] ** 2, axis=0, keepdims=True)
     )
@@ -97,10 +86,10 @@ def scores(truth: ChannelTruth, found: ChannelEstimate) -> ChannelScores:
 
 def recovered_runs(runs: int, seed: int, lockout_s: float) -> int:
     """Number of runs within 3 sigma at the end, after a step of the inertial height, by the bound of refusal [s]."""
-    truth = simulate(PHYSICAL, runs, np.random.default_rng([seed, 6]), drawn=True, faulted=False)
+    truth = channel.simulate(channel.PHYSICAL, runs, np.random.default_rng([seed, 6]), drawn=True, faulted=False)
     truth.x[OFFSET_STEP:, :, HEIGHT] += OFFSET_M
     truth.z[OFFSET_STEP:] += OFFSET_M
-    found = estimate(PHYSICAL, truth.z, GATE, lockout_s)
+    found = channel.estimate(channel.PHYSICAL, truth.z, GATE, lockout_s)
     error = np.abs(found.x[-1] - truth.x[-1])[:, HEIGHT]
     return int(np.count_nonzero(error <= 3.0 * found.sd[-1, :, HEIGHT]))
 
