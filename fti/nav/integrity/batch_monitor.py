@@ -20,7 +20,7 @@ from fti.config import Approach
 from fti.kernel import kernel
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import ApproachReference
-from fti.nav.integrity.statistics import SHIFT_MAX_M, ObstacleFilter, match, obstacle_filter, sharp_shifts
+from fti.nav.integrity.statistics import MatchReference, match, match_reference
 from fti.nav.integrity.window import MIN_FILLED_SHARE, ClearanceSeries, add_samples, means
 
 COLUMNS = 8
@@ -47,24 +47,10 @@ class BatchMonitor:
     """Evaluates approaches with a reference, as the monitor with these settings would."""
 
     def __init__(self, reference: ApproachReference, settings: Approach) -> None:
-        profile = reference.header.profile
         monitor = ClearanceMonitor(reference, settings)
         self._bounds, self._agl_ref = monitor.bounds, monitor.agl_ref
-        self._sd = reference.sd
-        self._z_ref = np.ascontiguousarray(reference.z_ref)
-        ds = profile.ds_m
-        self._sharp = sharp_shifts(settings.alert_s_m, ds)
-        self._obstacle = obstacle_filter(reference)
-        self._numbers = np.array(
-            [
-                float(reference.s[0]),
-                ds,
-                profile.window_m,
-                profile.window_m / profile.correlation_m,
-                profile.datum_sd_m,
-                round(SHIFT_MAX_M / ds),
-            ]
-        )
+        self._reference = match_reference(reference, settings.alert_s_m)
+        self._extent = float(reference.s[0]), float(reference.header.profile.window_m)
 
     def scan(self, track: ClearanceSeries, vertical_sd: float) -> WindowBatch | None:
         """The windows of an approach; None where a sample violates a rule or bins are empty: use the monitor."""
@@ -77,11 +63,8 @@ class BatchMonitor:
             columns,
             self._bounds,
             self._agl_ref,
-            self._z_ref,
-            self._sd,
-            self._numbers,
-            self._obstacle,
-            self._sharp,
+            self._extent,
+            self._reference,
             vertical_sd,
         )
         return WindowBatch(*np.ascontiguousarray(table.T)) if plain else None
@@ -93,18 +76,17 @@ def _scan(
     columns: tuple[Array, ...],
     bounds: Array,
     agl_ref: Array,
-    z_ref: Array,
-    sd: Array,
-    numbers: Array,
-    obstacle: ObstacleFilter,
-    sharp: NDArray[np.int64],
+    extent: tuple[float, float],
+    reference: MatchReference,
     vertical_sd: float,
 ) -> tuple[Array, bool]:
-    """A row for each evaluated window, and whether all samples up to the intercept point were usable."""
-    s0, ds, length, k_eff, datum_sd = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
-    span = int(numbers[5])
-    size = round(length / ds) + 1
-    count, z, dh = np.zeros(len(z_ref)), np.zeros(len(z_ref)), np.zeros(len(z_ref))
+    """A row for each evaluated window, and whether all samples up to the intercept point were usable.
+
+    extent : path length at the first bin of the reference, and length of a window [m]
+    """
+    (s0, length), ds, span = extent, reference.ds, reference.span
+    size, bins = round(length / ds) + 1, len(reference.z)
+    count, z, dh = np.zeros(bins), np.zeros(bins), np.zeros(bins)
     curves, peak, table = np.empty((2, 2 * span + 1)), np.empty((2, 4)), np.empty((len(t_ns), COLUMNS))
     ss, rows, first_s, min_s, begin = columns[0], 0, columns[0][0], columns[0][0], 0
     updated = (t_ns[0] - np.int64(10**12), first_s + 1e9)  # the first sample is due
@@ -126,8 +108,8 @@ def _scan(
         number = np.count_nonzero(filled)
         if number < MIN_FILLED_SHARE * size:
             return table[:rows], False
-        total, t4 = match(mean_z, filled, z_ref, sd, first, span, k_eff, obstacle, sharp, curves, peak)
-        height_error_sd = math.sqrt(vertical_sd**2 + datum_sd**2 + number / k_eff / total)
+        total, t4 = match(mean_z, filled, first, reference, curves, peak)
+        height_error_sd = math.sqrt(vertical_sd**2 + reference.datum_sd**2 + number / reference.k_eff / total)
         bend = peak[1, 2] + peak[1, 3]
         table[rows, 0] = ss[due]
         table[rows, 1] = curves[1, span]

@@ -29,11 +29,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.arrays import Array
+from fti.arrays import Array, Mask
 from fti.kernel import kernel
 from fti.nav.integrity.reference import MARGIN_M, ApproachReference
 from fti.nav.integrity.window import Bins
@@ -47,6 +48,40 @@ VERTICAL_SD_UNKNOWN = 5.0
 
 #: Bins in which templates lie (except a longer one), correlation of neighbours, lengths in bins, ascending.
 ObstacleFilter = tuple[int, float, NDArray[np.int64]]
+
+
+class MatchReference(NamedTuple):
+    """The reference as windows are matched with it.
+
+    z, sd : profile and its sigma in steps of ds [m]      datum_sd : B_ref [m]      span : d_max / ds      k_eff : K_eff
+    sharp : shifts at which the sharpness of the peak is evaluated, in bins: +-AL_s, and the ones next to zero
+    """
+
+    z: Array
+    sd: Array
+    ds: float
+    datum_sd: float
+    span: int
+    k_eff: float
+    sharp: NDArray[np.int64]
+    obstacle: ObstacleFilter
+
+
+def match_reference(reference: ApproachReference, alert_s: float) -> MatchReference:
+    """The reference for ``match``.  alert_s : AL_s [m]"""
+    profile = reference.header.profile
+    ds, alert, scale = profile.ds_m, round(alert_s / profile.ds_m), profile.correlation_m
+    widths = sorted({max(round(width / ds), 1) for width in reference.header.limits.t4_widths_m or (ds,)})
+    return MatchReference(
+        z=np.ascontiguousarray(reference.z_ref),
+        sd=reference.sd,
+        ds=ds,
+        datum_sd=profile.datum_sd_m,
+        span=round(SHIFT_MAX_M / ds),
+        k_eff=profile.window_m / scale,
+        sharp=np.array([-alert, alert, -1, 1]),
+        obstacle=(round(OBSTACLE_M / ds) + 1, max(scale - ds, 0.0) / (scale + ds), np.array(widths)),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,23 +110,13 @@ class Matcher:
     """Matches windows with a reference.  alert_s : AL_s [m], where the sharpness of the peak is evaluated."""
 
     def __init__(self, reference: ApproachReference, alert_s: float) -> None:
-        profile = reference.header.profile
-        self._ds = profile.ds_m
-        self._span = round(SHIFT_MAX_M / self._ds)
-        self._sharp = sharp_shifts(alert_s, self._ds)
-        self._obstacle = obstacle_filter(reference)
-        self._k_eff = profile.window_m / profile.correlation_m
-        self._datum_sd = profile.datum_sd_m
-        self._z_ref = np.ascontiguousarray(reference.z_ref)
-        self._sd = reference.sd
+        self._reference = match_reference(reference, alert_s)
 
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
         """The statistics of a window.  vertical_sd : sigma of the navigated height [m], or None."""
-        span, curves, peak = self._span, np.empty((2, 2 * self._span + 1)), np.empty((2, 4))
-        total, t4 = match(
-            bins.z, bins.filled, self._z_ref, self._sd, bins.first, span, self._k_eff, self._obstacle, self._sharp,
-            curves, peak,
-        )  # fmt: skip
+        ds, span = self._reference.ds, self._reference.span
+        curves, peak = np.empty((2, 2 * span + 1)), np.empty((2, 4))
+        total, t4 = match(bins.z, bins.filled, bins.first, self._reference, curves, peak)
         offset, mismatch = curves
         shift, shift_sd = self._best_shift(mismatch)
         here, height_error = float(mismatch[span]), float(offset[span])
@@ -103,7 +128,7 @@ class Matcher:
             t3=abs(height_error) / height_error_sd,
             t4=float(t4),
             observability=float(min(peak[1, 0], peak[1, 1])),
-            shift_resolution=self._ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf,
+            shift_resolution=ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf,
             shift=shift,
             shift_sd=shift_sd,
             height_error=height_error,
@@ -116,60 +141,38 @@ class Matcher:
         if i in (0, len(mismatch) - 1):
             return None, None
         left, lowest, right = (float(v) for v in mismatch[i - 1 : i + 2])
-        bend = left - 2 * lowest + right
+        ds, span, bend = self._reference.ds, self._reference.span, left - 2 * lowest + right
         if bend <= 0.0:
-            return (i - self._span) * self._ds, None
-        return (i - self._span + 0.5 * (left - right) / bend) * self._ds, self._ds * math.sqrt(2 / bend)
+            return (i - span) * ds, None
+        return (i - span + 0.5 * (left - right) / bend) * ds, ds * math.sqrt(2 / bend)
 
     def _height_error_sd(self, total: float, count: int, vertical_sd: float | None) -> float:
         nav = VERTICAL_SD_UNKNOWN
         if vertical_sd is not None and 0.0 < vertical_sd < math.inf:
             nav = vertical_sd
-        return math.hypot(nav, self._datum_sd, math.sqrt(count / self._k_eff / total))
+        return math.hypot(nav, self._reference.datum_sd, math.sqrt(count / self._reference.k_eff / total))
 
 
 def warm_up() -> None:
     """Compile the kernel, or load it from the cache."""
     flat, curves, peak = np.zeros(5), np.empty((2, 5)), np.empty((2, 4))
-    obstacle = (1, 0.0, np.array([1]))
-    match(flat, flat == 0.0, np.zeros(9), np.ones(9), 2, 2, 1.0, obstacle, sharp_shifts(1.0, 1.0), curves, peak)
-
-
-def sharp_shifts(alert_s: float, ds: float) -> NDArray[np.int64]:
-    """Shifts at which the sharpness of the peak is evaluated, in bins: +-AL_s, and the ones next to zero."""
-    alert = round(alert_s / ds)
-    return np.array([-alert, alert, -1, 1])
-
-
-def obstacle_filter(reference: ApproachReference) -> ObstacleFilter:
-    """The obstacle filter of T4 for a reference, with the templates of its limit."""
-    profile = reference.header.profile
-    ds, scale = profile.ds_m, profile.correlation_m
-    widths = sorted({max(round(width / ds), 1) for width in reference.header.limits.t4_widths_m or (ds,)})
-    return round(OBSTACLE_M / ds) + 1, max(scale - ds, 0.0) / (scale + ds), np.array(widths)
+    one = np.array([1])
+    reference = MatchReference(np.zeros(9), np.ones(9), 1.0, 0.0, 2, 1.0, np.array([-1, 1, -1, 1]), (1, 0.0, one))
+    match(flat, flat == 0.0, 2, reference, curves, peak)
 
 
 @kernel
 def match(
-    z: Array,
-    filled: NDArray[np.bool_],
-    z_ref: Array,
-    sd: Array,
-    first: int,
-    span: int,
-    k_eff: float,
-    obstacle: ObstacleFilter,
-    sharp: NDArray[np.int64],
-    curves: Array,
-    peak: Array,
+    z: Array, filled: Mask, first: int, reference: MatchReference, curves: Array, peak: Array
 ) -> tuple[float, float]:
-    """Match a window with the reference at all shifts, and the reference with itself at ``sharp_shifts``.
+    """Match a window with the reference at all shifts, and the reference with itself at ``sharp``.
 
     curves  : shape (2, 2 span + 1), output: b and J of the window      peak : shape (2, 4), output: of the reference
     Returns : sum of the weights, and T4
 
     The inner loop is over shifts: they are contiguous in memory, and no sum is reordered.
     """
+    z_ref, sd, span, sharp = reference.z, reference.sd, reference.span, reference.sharp
     curves[:], peak[:] = 0.0, 0.0
     total, count = 0.0, 0
     for j in range(len(z)):
@@ -189,20 +192,18 @@ def match(
             peak[1, k] += weight * e * e
     for sums in (curves, peak):
         sums[0] /= total
-        sums[1] = np.maximum(k_eff / count * (sums[1] - total * sums[0] ** 2), 0.0)
+        sums[1] = np.maximum(reference.k_eff / count * (sums[1] - total * sums[0] ** 2), 0.0)
     residual = z - z_ref[first : first + len(z)]
     ordered = np.sort(residual[filled])
     residual -= 0.5 * (ordered[count // 2] + ordered[(count - 1) // 2])
-    return total, max_excess(residual, filled, sd[first : first + len(z)], obstacle)
+    return total, max_excess(residual, filled, sd[first : first + len(z)], reference.obstacle)
 
 
 @kernel
-def max_excess(
-    residual: Array, filled: NDArray[np.bool_], sd: Array, obstacle: tuple[int, float, NDArray[np.int64]]
-) -> float:
+def max_excess(residual: Array, filled: Mask, sd: Array, obstacle: ObstacleFilter) -> float:
     """T4 of residuals over their median [m], newest first; -inf where no template holds a sample.
 
-    obstacle : an ``ObstacleFilter``.  The sigma of a sum is updated bin by bin: ``correlated`` is
+    The sigma of a sum is updated bin by bin: ``correlated`` is
     sum_i rho^(j - i) / s_i over the bins i before j.
     """
     newest, rho, widths = obstacle
