@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.formulas import Corners, bilinear
+
 FILE = Path(__file__).with_name("egm96_30min.npz")
 #: Posts per degree; rows from the south pole, columns from 180 degrees west.
 PER_DEGREE = 2
@@ -31,8 +33,8 @@ def _posts() -> NDArray[np.int16]:
 
 
 @functools.lru_cache(maxsize=256)
-def _corners(i: int, j: int) -> tuple[float, float, float, float]:
-    """Posts around a cell [dm]: southwest, southeast, northwest, northeast; whole degrees east may be 360."""
+def _corners(i: int, j: int) -> Corners:
+    """Posts around a cell [dm]; whole degrees east may be 360."""
     posts = _posts()
     west, east = j % posts.shape[1], (j + 1) % posts.shape[1]
     return float(posts[i, west]), float(posts[i, east]), float(posts[i + 1, west]), float(posts[i + 1, east])
@@ -45,8 +47,4 @@ def undulation(lat: float, lon: float) -> float:
     row = (math.degrees(lat) + 90.0) * PER_DEGREE
     column = ((math.degrees(lon) + 180.0) % 360.0) * PER_DEGREE
     i, j = min(int(row), 180 * PER_DEGREE - 1), int(column)
-    v, u = row - i, column - j
-    southwest, southeast, northwest, northeast = _corners(i, j)
-    low = southwest * (1.0 - u) + southeast * u
-    high = northwest * (1.0 - u) + northeast * u
-    return (low * (1.0 - v) + high * v) / 10.0
+    return bilinear(_corners(i, j), column - j, row - i)[0] / 10.0

@@ -17,6 +17,8 @@ import math
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Rows = tuple[Vector, Vector, Vector]
+#: Posts of a cell: south-west, south-east, north-west, north-east.
+Corners = tuple[float, float, float, float]
 
 #: Semi-major axis [m] and flattening: the two defining constants of the shape.
 SEMI_MAJOR = 6378137.0
@@ -43,6 +45,14 @@ def wrap_heading(angle: float) -> float:
 def wrap_half_turn(angle: float) -> float:
     """The angle in [-pi, pi)."""
     return (angle + math.pi) % math.tau - math.pi
+
+
+def bilinear(corners: Corners, u: float, v: float) -> Vector:
+    """Value in a cell between four posts, and its derivatives by u and v; u east, v north from the south-west post."""
+    south_west, south_east, north_west, north_east = corners
+    rise_east, rise_north = south_east - south_west, north_west - south_west
+    twist = north_east - north_west - rise_east
+    return south_west + u * rise_east + v * (rise_north + u * twist), rise_east + v * twist, rise_north + u * twist
 
 
 # ------------------------------------------------------------------------------------------------------- the ellipsoid

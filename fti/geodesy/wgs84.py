@@ -19,11 +19,16 @@ def radii(lat: ArrayLike) -> tuple[Array, Array]:
     return r_meridian.reshape(shape), r_normal.reshape(shape)
 
 
+def metres_per_radian(lat: ArrayLike, alt: ArrayLike) -> tuple[Array, Array]:
+    """Metres north per radian of latitude, and east per radian of longitude; lat [rad], alt [m] of any shapes."""
+    (r_meridian, r_normal), up = radii(lat), np.asarray(alt, dtype=np.float64)
+    return r_meridian + up, (r_normal + up) * np.cos(lat)
+
+
 def displace(lat: Array, lon: Array, alt: Array, by_n: Array) -> tuple[Array, Array, Array]:
     """lat, lon [rad] and alt [m] of points moved north, east, down (..., 3) [m], which is short against the radii."""
-    r_meridian, r_normal = radii(lat)
-    east_rad = by_n[..., 1] / ((r_normal + alt) * np.cos(lat))
-    return lat + by_n[..., 0] / (r_meridian + alt), lon + east_rad, alt - by_n[..., 2]
+    per_lat, per_lon = metres_per_radian(lat, alt)
+    return lat + by_n[..., 0] / per_lat, lon + by_n[..., 1] / per_lon, alt - by_n[..., 2]
 
 
 def ecef_from_geodetic(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Array:

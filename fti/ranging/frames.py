@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from fti.arrays import Array
 from fti.geodesy.rotations import mat_en, rotate
-from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, metres_per_radian
 
 
 def _rotate_back(mat: ArrayLike, vec: ArrayLike) -> Array:
@@ -70,10 +70,7 @@ def metres_per_geodetic(lat: ArrayLike, alt: ArrayLike) -> Array:
 
     D = diag(r_meridian + alt, (r_normal + alt) cos lat, -1)                                              (2.41)
     """
-    r_meridian, r_normal = radii(lat)
-    up = np.asarray(alt, dtype=np.float64)
-    north, east = r_meridian + up, (r_normal + up) * np.cos(lat)
-    return np.stack(np.broadcast_arrays(north, east, -1.0), axis=-1)
+    return np.stack(np.broadcast_arrays(*metres_per_radian(lat, alt), -1.0), axis=-1)
 
 
 def point_geodetic(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, d_n: ArrayLike) -> tuple[Array, Array, Array]:

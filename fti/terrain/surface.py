@@ -10,8 +10,6 @@ longitude in its denominators, which makes them zero.
 Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 and 4.6-4.8, as corrected in docs/errata.md.
 """
 
-# ruff: noqa: PLR0917 - compiled kernels take their scalars by position
-
 from __future__ import annotations
 
 import math
@@ -22,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.arrays import Array
+from fti.geodesy.formulas import bilinear
 from fti.kernel import kernel
 from fti.terrain.layer import Layer
 
@@ -85,16 +84,6 @@ def locate(layers: Records, east: float, north: float) -> tuple[int, int, float,
 
 
 @kernel
-def _bilinear(
-    south_west: float, south_east: float, north_west: float, north_east: float, u: float, v: float
-) -> tuple[float, float, float]:
-    """``up`` in a cell, and its derivatives by u and v."""
-    rise_east, rise_north = south_east - south_west, north_west - south_west
-    twist = north_east - north_west - rise_east
-    return south_west + u * rise_east + v * (rise_north + u * twist), rise_east + v * twist, rise_north + u * twist
-
-
-@kernel
 def surface(p: Posts, east: float, north: float) -> tuple[float, float, float]:
     """``up`` [m] and its derivatives to east and north at a point; NaN outside of all layers and in a hole."""
     heights, layers = p.heights, p.layers
@@ -102,7 +91,7 @@ def surface(p: Posts, east: float, north: float) -> tuple[float, float, float]:
     k, at, u, v = locate(layers, east, north)
     if k >= 0:
         over = at + layers[k].columns
-        up, to_east, to_north = _bilinear(heights[at], heights[at + 1], heights[over], heights[over + 1], u, v)
+        up, to_east, to_north = bilinear((heights[at], heights[at + 1], heights[over], heights[over + 1]), u, v)
         to_east, to_north = to_east / layers[k].cell, to_north / layers[k].cell
     return up, to_east, to_north
 
@@ -116,7 +105,7 @@ def look_up(p: Posts, east: Array, north: Array) -> Array:
         k, at, u, v = locate(layers, east[i], north[i])
         if k >= 0:
             over = at + layers[k].columns
-            ups[i], _, _ = _bilinear(heights[at], heights[at + 1], heights[over], heights[over + 1], u, v)
+            ups[i], _, _ = bilinear((heights[at], heights[at + 1], heights[over], heights[over + 1]), u, v)
     return ups
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.arrays import Array
-from fti.geodesy.wgs84 import radii
+from fti.geodesy.wgs84 import metres_per_radian
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
@@ -61,8 +61,6 @@ def compare(series: TopicSeries, quantity: str, truth: TruthTable, name: str | N
     if name in ANGLES:
         error = np.arctan2(np.sin(error), np.cos(error))
     if name in POSITION_ANGLES:
-        lat = truth.at("lat", valid_ns)
-        meridian, normal = radii(lat)
-        error = error * (meridian if name == "lat" else normal * np.cos(lat))  # [m]
+        error = error * metres_per_radian(truth.at("lat", valid_ns), 0.0)[name != "lat"]  # [m]
     rows = np.flatnonzero(series.valid & np.isfinite(error))
     return TruthDeviations(name, rows, truth.seconds(valid_ns[rows]), value[rows], true[rows], error[rows])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fti.arrays import Array, Mask, Rng
 from fti.constants import SECOND_NS
-from fti.geodesy.wgs84 import radii
+from fti.geodesy.wgs84 import metres_per_radian
 from fti.hil.sensors.errors import gauss_markov, gauss_markov_n
 from fti.messages.measurements import (
     Attitude,
@@ -114,10 +114,9 @@ class SimulatedFlight:
     def errors_n(self, t_ns: NDArray[np.int64], places: Array) -> Array:
         """Likewise of solutions lat, lon [rad], alt [m] at many times, shape (n, 3)."""
         m, (lat, lon, alt) = self.truth(t_ns), places.T
-        meridian, normal = radii(m.lat)
+        per_lat, per_lon = metres_per_radian(m.lat, m.alt)
         turned = (lon - m.lon + np.pi) % (2.0 * np.pi) - np.pi
-        north = (lat - m.lat) * (meridian + m.alt)
-        return np.stack((north, turned * (normal + m.alt) * np.cos(m.lat), m.alt - alt), axis=1)
+        return np.stack(((lat - m.lat) * per_lat, turned * per_lon, m.alt - alt), axis=1)
 
     def between(self, begin_s: float, end_s: float) -> SimulatedFlight:
         """The same flight with the measurements of begin <= t < end only."""

@@ -17,7 +17,7 @@ from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.formulas import EARTH_RATE, ECC_SQ, FLATTENING, SEMI_MAJOR, SEMI_MINOR
 from fti.geodesy.gravity import transport_rate
 from fti.geodesy.rotations import mat_from_rpy
-from fti.geodesy.wgs84 import radii
+from fti.geodesy.wgs84 import metres_per_radian, radii
 from fti.study.faults.profile import SmoothProfile
 
 GRID_S = 0.04
@@ -120,9 +120,8 @@ class Trajectory:
 
 
 def _position_rates(lat: Array, alt: Array, vel_n: Array) -> Array:
-    meridian, normal = radii(lat)
-    east = vel_n[:, 1] / ((normal + alt) * np.cos(lat))
-    return np.stack((vel_n[:, 0] / (meridian + alt), east, -vel_n[:, 2]), axis=1)
+    per_lat, per_lon = metres_per_radian(lat, alt)
+    return np.stack((vel_n[:, 0] / per_lat, vel_n[:, 1] / per_lon, -vel_n[:, 2]), axis=1)
 
 
 def _cumulative(rate: Array) -> Array:

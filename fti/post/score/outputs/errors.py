@@ -14,7 +14,7 @@ import numpy as np
 from fti.arrays import Array
 from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
-from fti.geodesy.wgs84 import radii
+from fti.geodesy.wgs84 import metres_per_radian
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import FILTER, FIX, GLIDE, HEIGHT_BELOW, LOCATION, VALIDITY, VERTICAL
 from fti.hil.tables.limits import ScoreLimits
@@ -184,11 +184,10 @@ class Comparison:
 
     def _horizontal(self, lat: Array, lon: Array, sd: Array) -> QuantityError:
         """Horizontal distance, from latitude and longitude [rad]."""
-        true_lat, alt = self._true("lat"), np.nan_to_num(self._true("alt"))
-        meridian, normal = radii(np.nan_to_num(true_lat))
-        north = (lat - true_lat) * (meridian + alt)
+        true_lat = self._true("lat")
+        per_lat, per_lon = metres_per_radian(np.nan_to_num(true_lat), np.nan_to_num(self._true("alt")))
         lon_error = (lon - self._true("lon") + math.pi) % (2.0 * math.pi) - math.pi
-        east = lon_error * (normal + alt) * np.cos(np.nan_to_num(true_lat))
+        north, east = (lat - true_lat) * per_lat, lon_error * per_lon
         distance = np.hypot(north - self._arm_n[:, 0], east - self._arm_n[:, 1])
         must = self._must_state("horizontal_sd")
         return QuantityError("horizontal", "m", distance, sd, self._horizontal_m, must)
