@@ -33,7 +33,7 @@ from scipy.ndimage import map_coordinates
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.parts.machine import Verdict, machine
+from benchmarks.parts.machine import Targets, machine
 from benchmarks.raycast import make_embree, triangles
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
@@ -180,7 +180,7 @@ def measure(found: dict[str, Contender], poses: Poses, rounds: int) -> dict[str,
 
 
 def main() -> int:
-    """Print the table and the verdict."""
+    """Print the table and the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--poses", type=int, default=192)
@@ -199,18 +199,18 @@ def main() -> int:
         print(f"{name:20} {figures} {np.nanmedian(apart):25.3f} m {np.nanmax(apart):6.3f} m")
     if "Embree, numpy" not in found:
         print("not installed, not measured: embreex")
-    return judge({name: seconds for name, (seconds, _) in results.items()})
+    return check_targets({name: seconds for name, (seconds, _) in results.items()})
 
 
-def judge(seconds: dict[str, float]) -> int:
+def check_targets(seconds: dict[str, float]) -> int:
     """The targets."""
-    verdict = Verdict()
+    targets = Targets()
     ours = seconds.pop("fti, all rays")
-    verdict.judge(f"a beam of {len(BEAM)} rays in {1e3 * ours:.2f} ms; at most {MAX_MS}", 1e3 * ours <= MAX_MS)
+    targets.check(f"a beam of {len(BEAM)} rays in {1e3 * ours:.2f} ms; at most {MAX_MS}", 1e3 * ours <= MAX_MS)
     for name in ("sum of cosines", "numpy, marching"):
         ratio = seconds[name] / ours
-        verdict.judge(f"{ratio:.0f} x as fast as {name}; at least {MIN_RATIO:g}", ratio >= MIN_RATIO)
-    return verdict.code
+        targets.check(f"{ratio:.0f} x as fast as {name}; at least {MIN_RATIO:g}", ratio >= MIN_RATIO)
+    return targets.code
 
 
 if __name__ == "__main__":

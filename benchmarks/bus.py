@@ -25,7 +25,7 @@ import zenoh
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.parts.machine import Verdict, cpu_s, machine, percentile
+from benchmarks.parts.machine import Targets, cpu_s, machine, percentile
 from fti.bus.client import Publisher, Subscriber
 from fti.bus.hub import Hub
 
@@ -173,16 +173,16 @@ def compare(rounds: int, seconds: float) -> int:
     for _ in range(rounds):
         for (rate, kind), result in results.items():
             run_round(kind, rate, seconds, result)
-    verdict = Verdict()
+    targets = Targets()
     print(f"{SUBSCRIBERS} subscribers, {SIZE} bytes a message, {rounds} rounds of {seconds:g} s each")
     for rate in RATES_HZ:
         for kind, name in NAMES.items():
             print_result(f"{rate} messages/s, {name}", results[rate, kind])
         ours, before = (percentile(sorted(results[rate, kind].delays), 0.5) for kind in ("unix", "zenoh"))
-        verdict.judge(f"{rate} messages/s: p50 not above zenoh's", ours <= before)
+        targets.check(f"{rate} messages/s: p50 not above zenoh's", ours <= before)
         whole = results[rate, "unix"]
-        verdict.judge(f"{rate} messages/s: every message arrived", len(whole.delays) == whole.expected)
-    return verdict.code
+        targets.check(f"{rate} messages/s: every message arrived", len(whole.delays) == whole.expected)
+    return targets.code
 
 
 def print_result(name: str, result: Result) -> None:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts import parsers
-from benchmarks.parts.machine import Verdict, machine
+from benchmarks.parts.machine import Targets, machine
 from tests.drivers.vectorfiles import Vector, load
 
 MAX_CORE_PERCENT = 10.0  # %
@@ -112,7 +112,7 @@ class Bench:
         if self.case.parser:
             self.parsed = min(self.parsed, parse(self.case.parser, self._reads))
 
-    def print_row(self, verdict: Verdict) -> None:
+    def print_row(self, targets: Targets) -> None:
         """Print a row."""
         case, (fastest, count) = self.case, self.fastest
         full, tenfold = 100 * fastest / self.line_s, 100 * fastest / count * 10 * case.rate_hz
@@ -121,7 +121,7 @@ class Bench:
             other = f"{1e6 * self.parsed[0] / self.parsed[1]:9.1f} {case.parser.__name__.removeprefix('run_')}"
         loads = f"{full:9.2f} % {case.rate_hz:6g}/s {tenfold:8.2f} %"
         print(f"{self.name:20} {case.line:14} {1e6 * fastest / count:7.1f} {loads}  {other}".rstrip(), flush=True)
-        verdict.judge(f"{self.name}: at most {MAX_CORE_PERCENT:g} % of a core", max(full, tenfold) <= MAX_CORE_PERCENT)
+        targets.check(f"{self.name}: at most {MAX_CORE_PERCENT:g} % of a core", max(full, tenfold) <= MAX_CORE_PERCENT)
 
 
 def main() -> int:
@@ -138,10 +138,10 @@ def main() -> int:
             bench.round()
     print(machine())
     print(f"{'driver':20} {'line':14} {'us each':>7} {'full line':>11} {'rate':>8} {'10 x that':>10}  instead: us each")
-    verdict = Verdict()
+    targets = Targets()
     for bench in benches:
-        bench.print_row(verdict)
-    return verdict.code
+        bench.print_row(targets)
+    return targets.code
 
 
 if __name__ == "__main__":

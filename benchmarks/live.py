@@ -30,7 +30,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.parts.machine import Verdict, machine, percentile
+from benchmarks.parts.machine import Targets, machine, percentile
 from fti.bus.client import Subscriber
 from fti.bus.frame import SOCKET_NAME
 from fti.bus.message import decode
@@ -254,7 +254,7 @@ def main() -> int:
     parser.add_argument("--duration", type=float, default=70.0, help="of the flight [s] (70)")
     args = parser.parse_args()
     print(machine())
-    verdict = Verdict()
+    targets = Targets()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         session, listener = fly(folder, args.duration)
@@ -264,12 +264,12 @@ def main() -> int:
             max_ms = delays[-1] if delays else float("nan")
             print(f"{topic}: {len(delays)} new outputs, p50 {p50:.1f} ms, p99 {p99:.1f} ms, longest {max_ms:.1f} ms")
         holds = len(delays) > 50 and p50 <= P50_MS and p99 <= P99_MS
-        verdict.judge(f"bytes to integrity on the bus: p50 <= {P50_MS:g} ms, p99 <= {P99_MS:g} ms", holds)
+        targets.check(f"bytes to integrity on the bus: p50 <= {P50_MS:g} ms, p99 <= {P99_MS:g} ms", holds)
         cost = measure_reprocessing(session, folder / "again")
         print_result(cost)
     holds = cost.flight_s / cost.pipeline_s >= MIN_SPEED
-    verdict.judge(f"the pipeline >= {MIN_SPEED:g} x real time on one core", holds)
-    return verdict.code
+    targets.check(f"the pipeline >= {MIN_SPEED:g} x real time on one core", holds)
+    return targets.code
 
 
 if __name__ == "__main__":

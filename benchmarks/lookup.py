@@ -23,7 +23,7 @@ from scipy.ndimage import map_coordinates
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.parts.machine import Verdict, machine
+from benchmarks.parts.machine import Targets, machine
 from fti.terrain.kernel_warmup import warm_up
 from fti.terrain.terrain import Terrain
 
@@ -92,11 +92,11 @@ def main() -> int:
             else f"   error at most {np.abs(found[name] - truth[: len(found[name])]).max():.1e} m"
         )
         print(f"{name:18} {1e9 * seconds:9.1f} ns each   {seconds / best['Terrain.up']:8.2f} x Terrain.up{error}")
-    verdict = Verdict()
+    targets = Targets()
     ratio, slow = best["map_coordinates"] / best["Terrain.up"], best["rasterio sample"] / best["Terrain.height"]
-    verdict.judge(f"Terrain.up: {ratio:.1f} x as fast as map_coordinates; at least 2", ratio >= 2.0)
-    verdict.judge(f"Terrain.height from lat, lon: {slow:.0f} x as fast as rasterio's sample; at least 5", slow >= 5.0)
-    return verdict.code
+    targets.check(f"Terrain.up: {ratio:.1f} x as fast as map_coordinates; at least 2", ratio >= 2.0)
+    targets.check(f"Terrain.height from lat, lon: {slow:.0f} x as fast as rasterio's sample; at least 5", slow >= 5.0)
+    return targets.code
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.parts.machine import Verdict, machine
+from benchmarks.parts.machine import Targets, machine
 from fti.terrain.kernel_warmup import warm_up
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
@@ -199,7 +199,7 @@ def main() -> int:
     ground = make_ground(args.cells)
     mesh = triangles(ground) if len(there) > 1 else None
     casters = {name: MAKERS[name](ground, mesh) for name in there}
-    verdict = Verdict()
+    targets = Targets()
     ratios, scaling = {}, []
     for kind, (off_deg, over_m) in KINDS.items():
         origins, rays = make_rays(ground, args.rays, off_deg, over_m)
@@ -222,15 +222,15 @@ def main() -> int:
         print(f"  {name:11} {seconds:7.2f} {megabytes:7.0f}")
     for (kind, name), ratio in ratios.items():
         if name == "Embree":
-            verdict.judge(f"{kind}: {ratio:.2f} x the rays of Embree on one thread; at least 1.3", ratio >= 1.3)
-    verdict.judge(f"two threads: {min(scaling):.2f} x one; at least 1.8", min(scaling) >= 1.8)
+            targets.check(f"{kind}: {ratio:.2f} x the rays of Embree on one thread; at least 1.3", ratio >= 1.3)
+    targets.check(f"two threads: {min(scaling):.2f} x one; at least 1.8", min(scaling) >= 1.8)
     if "Embree" in costs:
         faster, share = costs["Embree"][0] / costs["fti.terrain"][0], costs["fti.terrain"][1] / costs["Embree"][1]
-        verdict.judge(f"building: {faster:.0f} x as fast as Embree; at least 10", faster >= 10.0)
-        verdict.judge(f"memory: {share:.3f} of Embree's; at most 0.25", share <= 0.25)
+        targets.check(f"building: {faster:.0f} x as fast as Embree; at least 10", faster >= 10.0)
+        targets.check(f"memory: {share:.3f} of Embree's; at most 0.25", share <= 0.25)
     for name in OTHERS.keys() - set(there):
-        verdict.judge(f"{name} is not installed (make bench installs it)", False)
-    return verdict.code
+        targets.check(f"{name} is not installed (make bench installs it)", False)
+    return targets.code
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts import plain_reader as plain
 from benchmarks.parts.generator import SIZE
-from benchmarks.parts.machine import Verdict, cpu_s, machine, percentile
+from benchmarks.parts.machine import Targets, cpu_s, machine, percentile
 from benchmarks.parts.prober import PROBE
 from benchmarks.parts.processes import RecorderRig, part, plain_reader, port_of, start_generator, udp_links
 from fti.config import SerialLink
@@ -49,7 +49,7 @@ PARTS = ("throughput", "calm", "stamps")
 # ----------------------------------------------------------------------------------------------------- throughput
 
 
-def throughput(folder: Path, rate: float, seconds: float, verdict: Verdict) -> None:
+def throughput(folder: Path, rate: float, seconds: float, targets: Targets) -> None:
     """Everything that is sent must be in the file."""
     links = udp_links(LINKS)
     rig = RecorderRig(folder, links, freeze_gc=True)
@@ -64,11 +64,11 @@ def throughput(folder: Path, rate: float, seconds: float, verdict: Verdict) -> N
     print(f"throughput: {LINKS} UDP links, {total} datagrams of {SIZE} B in {elapsed_s:.1f} s")
     print(f"  {total / elapsed_s:.0f} frames/s, {total * SIZE / elapsed_s / 1e6:.1f} MB/s")
     print(f"  processor time: {cpu:.1f} s, {100 * cpu / elapsed_s:.0f} % of a core, {cpu / total * 1e6:.2f} us a frame")
-    verdict.judge(f"lossless: {sum(recorded)} of {total} recorded", recorded == sent_counts)
-    verdict.judge(
+    targets.check(f"lossless: {sum(recorded)} of {total} recorded", recorded == sent_counts)
+    targets.check(
         f"verify: {len(report.findings)} findings{''.join(f'; {f}' for f in report.findings[:2])}", report.holds
     )
-    verdict.judge(f"at least 95 % of the requested rate ({rate:.0f}/s)", total / elapsed_s >= 0.95 * rate)
+    targets.check(f"at least 95 % of the requested rate ({rate:.0f}/s)", total / elapsed_s >= 0.95 * rate)
 
 
 def feed(rig: RecorderRig, ports: list[int], rate: float, seconds: float) -> tuple[list[int], float]:
@@ -85,7 +85,7 @@ def feed(rig: RecorderRig, ports: list[int], rate: float, seconds: float) -> tup
 # ----------------------------------------------------------------------------------------------------------- calm
 
 
-def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
+def calm(folder: Path, seconds: float, targets: Targets) -> None:
     """The recorder and the bare reader in turn."""
     links = udp_links(LINKS)
     rig = RecorderRig(folder, links)
@@ -102,7 +102,7 @@ def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
     print(f"calm: {CALM_RATE:.0f} datagrams/s of {SIZE} B on {LINKS} UDP links, {ROUNDS} rounds of {seconds:.0f} s")
     for name, shares in (("recorder", ours), ("bare reader with file.write", bare)):
         print(f"  {name:30} {statistics.median(shares):5.2f} % of a core   ({', '.join(f'{s:.2f}' for s in shares)})")
-    verdict.judge(f"ratio in the same round, median {ratio:.2f}; at most {MAX_CALM_RATIO}", ratio <= MAX_CALM_RATIO)
+    targets.check(f"ratio in the same round, median {ratio:.2f}; at most {MAX_CALM_RATIO}", ratio <= MAX_CALM_RATIO)
 
 
 # --------------------------------------------------------------------------------------------------------- stamps
@@ -129,7 +129,7 @@ def probe(ports: list[int], lines: list[int], seconds: float) -> None:
         prober.wait()
 
 
-def stamps(folder: Path, seconds: float, verdict: Verdict) -> None:
+def stamps(folder: Path, seconds: float, targets: Targets) -> None:
     """UDP and serial links of the recorder, then the bare reader."""
     master, slave = pty.openpty()
     tty.setraw(slave)
@@ -148,7 +148,7 @@ def stamps(folder: Path, seconds: float, verdict: Verdict) -> None:
     show("serial, the recorder", found["line"])
     show("UDP, a bare reader's callback", bare_stamps(folder, seconds))
     p99 = percentile(sorted(found["udp"]), 0.99) / 1e3
-    verdict.judge(f"UDP p99 {p99:.0f} us; at most {MAX_STAMP_US:.0f}", p99 <= MAX_STAMP_US)
+    targets.check(f"UDP p99 {p99:.0f} us; at most {MAX_STAMP_US:.0f}", p99 <= MAX_STAMP_US)
 
 
 def delays(rig: RecorderRig) -> dict[str, list[int]]:
@@ -186,24 +186,24 @@ def bare_stamps(folder: Path, seconds: float) -> list[int]:
 
 
 def main() -> int:
-    """Run the parts, print the verdict."""
+    """Run the parts, print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0, help="of the throughput; the other parts take a third")
     parser.add_argument("--rate", type=float, default=200_000.0, help="datagrams per second, all links together")
     parser.add_argument("--only", choices=PARTS)
     args = parser.parse_args()
     print(machine(), flush=True)
-    verdict = Verdict()
+    targets = Targets()
     for which in (args.only,) if args.only else PARTS:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             if which == "throughput":
-                throughput(folder, args.rate, args.seconds, verdict)
+                throughput(folder, args.rate, args.seconds, targets)
             elif which == "calm":
-                calm(folder, args.seconds / 6, verdict)
+                calm(folder, args.seconds / 6, targets)
             else:
-                stamps(folder, args.seconds / 3, verdict)
-    return verdict.code
+                stamps(folder, args.seconds / 3, targets)
+    return targets.code
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.parts.machine import Verdict, machine
+from benchmarks.parts.machine import Targets, machine
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
@@ -127,7 +127,7 @@ def time_contenders(ways: dict[str, Contender]) -> tuple[dict[str, float], dict[
 
 
 def main() -> int:
-    """Run both tracks, print the verdict."""
+    """Run both tracks, print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hours", type=float, default=1.0)
     parser.add_argument("--hz", type=float, default=100.0)
@@ -135,7 +135,7 @@ def main() -> int:
     args = parser.parse_args()
     print(machine())
     print(f"{args.hours:g} h at {args.hz:g} Hz, seed {args.seed}, one thread, best of {ROUNDS} rounds")
-    verdict = Verdict()
+    targets = Targets()
     for track, draw_flight in TRACKS.items():
         seconds, step = 3600.0 * args.hours, 1.0 / args.hz
         flight = samples(draw_flight(np.random.default_rng([args.seed, 0, len(track)]), seconds), seconds, step)
@@ -158,12 +158,12 @@ def main() -> int:
         if not MISSING:
             for name in ("high order", "live"):
                 no_worse = all(a <= b for a, b in zip(off[name], off[PYINS], strict=True))
-                verdict.judge(f"{track}: {name} is off by no more than pyins", no_worse)
+                targets.check(f"{track}: {name} is off by no more than pyins", no_worse)
             ratio = best[PYINS] / best["live"]
-            verdict.judge(f"{track}: live takes {1 / ratio:.2f} of the time of pyins; at most 1", ratio >= 1.0)
+            targets.check(f"{track}: live takes {1 / ratio:.2f} of the time of pyins; at most 1", ratio >= 1.0)
     if MISSING:
         print(f"pyins is not measured: {MISSING}")
-    return verdict.code
+    return targets.code
 
 
 if __name__ == "__main__":

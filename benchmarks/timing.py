@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.parts.fleet import DEVICES, write_config
-from benchmarks.parts.machine import Verdict, machine
+from benchmarks.parts.machine import Targets, machine
 from benchmarks.parts.processes import ROOT, RecorderRig, port_of, udp_links
 from benchmarks.parts.standstill import Standstill
 from fti import config as configuration
@@ -99,7 +99,7 @@ def make_session(folder: Path, seconds: float) -> Path:
     return session.path
 
 
-def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
+def replay(folder: Path, seconds: float, targets: Targets) -> None:
     """One session through fti replay and the recorder."""
     config, original = write_links(folder), make_session(folder, seconds)
     arguments = ("replay", original, "--config", config, "--wait", 3)
@@ -110,8 +110,8 @@ def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
         show(f"  {name}", late.of(name))
     first, second = link_hashes(Recording.open(original)), link_hashes(Recording.open(session))
     same = [name for name, found in first.items() if found.is_same(second[name])]
-    verdict.judge(f"the same by hash: {len(same)} of {len(first)} links", len(same) == len(first))
-    verdict.judge(f"p99 {late.p99_ms:.2f} ms; at most {P99_MS:g}", late.p99_ms <= P99_MS)
+    targets.check(f"the same by hash: {len(same)} of {len(first)} links", len(same) == len(first))
+    targets.check(f"p99 {late.p99_ms:.2f} ms; at most {P99_MS:g}", late.p99_ms <= P99_MS)
     player(original, late.of("adapter"))
 
 
@@ -235,7 +235,7 @@ def drain(descriptor: int) -> None:
 # -------------------------------------------------------------------------------------------------------- devices
 
 
-def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
+def fly(folder: Path, seconds: float, factor: float, targets: Targets) -> None:
     """23 devices at a multiple of their rates."""
     config = write_config(folder, factor)
     arguments = ("hil", "nominal", "--config", config, "--wait", "--duration", seconds)
@@ -252,10 +252,10 @@ def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
     print_sent_rates(late, {name: device["asked_hz"] for name, device in found.items()})
     sent = sum(link["bytes"] for link in report["links"].values())
     recorded = link_hashes(Recording.open(session))
-    verdict.judge(f"rates held: {len(DEVICES) - len(missed)} of {len(DEVICES)}", not missed)
+    targets.check(f"rates held: {len(DEVICES) - len(missed)} of {len(DEVICES)}", not missed)
     dropped = sum(link["dropped_messages"] for link in report["links"].values())
     lost = sum(report["links"][name]["bytes"] - recorded[name].bytes for name in found if kind_of(name) != "can")
-    verdict.judge(f"{sent} bytes sent, {dropped} messages dropped, {lost} bytes not recorded", dropped == lost == 0)
+    targets.check(f"{sent} bytes sent, {dropped} messages dropped, {lost} bytes not recorded", dropped == lost == 0)
 
 
 def print_sent_rates(late: LatenessLog, requested_hz: dict[str, float]) -> None:
@@ -277,20 +277,20 @@ def kind_of(device: str) -> str:
 
 
 def main() -> int:
-    """Run the parts, print the verdict."""
+    """Run the parts, print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0, help="of each part")
     parser.add_argument("--only", choices=("replay", "devices"))
     args = parser.parse_args()
     print(machine(), flush=True)
-    verdict = Verdict()
+    targets = Targets()
     if args.only != "devices":
         with tempfile.TemporaryDirectory() as name:
-            replay(Path(name), args.seconds, verdict)
+            replay(Path(name), args.seconds, targets)
     for factor in FACTORS if args.only != "replay" else ():
         with tempfile.TemporaryDirectory() as name:
-            fly(Path(name), args.seconds, factor, verdict)
-    return verdict.code
+            fly(Path(name), args.seconds, factor, targets)
+    return targets.code
 
 
 if __name__ == "__main__":

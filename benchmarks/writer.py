@@ -35,7 +35,7 @@ from mcap.writer import CompressionType, Writer
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.parts.machine import Verdict, machine
+from benchmarks.parts.machine import Targets, machine
 from fti.frame_batch import FrameBatch, make_batch
 from fti.links._recvmmsg import MAX_DATAGRAMS
 from fti.logger.stream_writer import StreamWriter
@@ -253,7 +253,7 @@ def count_messages(data: bytes) -> int:
 
 
 def compare(messages: int) -> int:
-    """Print the table and the verdict."""
+    """Print the table and the results."""
     print(machine())
     print(f"{messages} messages of {len(PAYLOAD)} B on {CHANNELS} channels")
     heads = [f"us at {rate} k/s" for rate in BATCHES]
@@ -274,15 +274,15 @@ def _loss(writer: str, folder: Path) -> str:
 
 
 def _judge(found: dict[str, list[float]]) -> int:
-    verdict = Verdict()
+    targets = Targets()
     for position, rate in enumerate(BATCHES):
         ours, official, file = (found[name][position] for name in (OURS, OFFICIAL, FILE))
         share, multiple = ours / official, ours / file
-        verdict.judge(f"{rate} kmsg/s: {share:.2f} x the official writer; at most 0.33", share <= MAX_OFFICIAL_RATIO)
-        verdict.judge(
+        targets.check(f"{rate} kmsg/s: {share:.2f} x the official writer; at most 0.33", share <= MAX_OFFICIAL_RATIO)
+        targets.check(
             f"{rate} kmsg/s: {multiple:.1f} x file.write; at most {MAX_FILE_RATIO:g}", multiple <= MAX_FILE_RATIO
         )
-    return verdict.code
+    return targets.code
 
 
 def main() -> int:

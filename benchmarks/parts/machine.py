@@ -1,4 +1,4 @@
-"""Shared by the benchmarks: description of the machine, processor time of a process, printed verdict."""
+"""Shared by the benchmarks: description of the machine, processor time of a process, printed results."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def percentile(ordered: list[int], share: float) -> float:
     return float(ordered[min(int(share * len(ordered)), len(ordered) - 1)]) if ordered else 0.0
 
 
-class Verdict:
+class Targets:
     """Results compared with targets; ``code`` is 1 when one is missed."""
 
     def __init__(self) -> None:
         self.code = 0
 
-    def judge(self, what: str, holds: bool) -> None:
-        """Print a line of the verdict."""
+    def check(self, what: str, holds: bool) -> None:
+        """Print whether a target is met."""
         print(f"  {'holds ' if holds else 'MISSED'}  {what}", flush=True)
         if not holds:
             self.code = 1

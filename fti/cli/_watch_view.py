@@ -157,12 +157,12 @@ def _over_ground(output: Fields) -> tuple[str | Text, ...]:
 
 def _add(table: Table, name: str, output: Fields, values: tuple[str, str, str]) -> None:
     style = "" if output["valid"] else STRUCK_OUT
-    table.add_row(Text(name, "bold"), *(Text(value, style) for value in values), _verdict(output))
+    table.add_row(Text(name, "bold"), *(Text(value, style) for value in values), _validity(output))
 
 
 def _add_solution(table: Table, output: Fields) -> None:
     """Sources of position, altitude and attitude, sigmas and protection levels; missing: a dash, late: struck out."""
-    style, verdict = STRUCK_OUT if output["late"] else "", _verdict(output)
+    style, validity = STRUCK_OUT if output["late"] else "", _validity(output)
     altitude = _metres(output.get("alt"), 1)
     roles = (("position", "", "horizontal_sd"), ("altitude", altitude, "vertical_sd"), ("attitude", "", ""))
     levels = {
@@ -177,11 +177,11 @@ def _add_solution(table: Table, output: Fields) -> None:
     for role, value, sigma in roles:
         source = f"from {output.get(f'{role}_source') or UNKNOWN}{levels.get(role, '')}"
         cells = (value, _sigma(output.get(sigma), "m"), source)
-        table.add_row(Text(role, "bold"), *(Text(text, style) for text in cells), verdict)
-        verdict = Text()
+        table.add_row(Text(role, "bold"), *(Text(text, style) for text in cells), validity)
+        validity = Text()
 
 
-def _verdict(output: Fields) -> Text:
+def _validity(output: Fields) -> Text:
     if output["late"]:
         return Text(f"STALE {output['age_ms'] / 1000:.1f} s", "red")
     reasons = ", ".join(output["reasons_text"])
@@ -195,8 +195,8 @@ def _add_integrity(table: Table, output: Fields) -> None:
     )
     ratios = " ".join(f"T{i} {_number(output[f't{i}_ratio'], 2)}" for i in range(1, 5))
     words = ", ".join(output["reasons_text"]) or output["state_text"]
-    verdict = _verdict(output) if late else Text(words)
-    table.add_row(Text("integrity", "bold"), state, "", Text(ratios, STRUCK_OUT if late else ""), verdict)
+    validity = _validity(output) if late else Text(words)
+    table.add_row(Text("integrity", "bold"), state, "", Text(ratios, STRUCK_OUT if late else ""), validity)
 
 
 def _links(links: Fields) -> Table:

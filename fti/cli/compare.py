@@ -46,9 +46,9 @@ def run(args: argparse.Namespace) -> int:
     sessions = [Recording.open(name) for name in (args.session, args.other) if name]
     first, *others = (_hashes(recording, args.only) for recording in sessions)
     second = others[0] if others else None
-    verdicts = {} if second is None else {link: _verdict(first.get(link), second.get(link)) for link in first | second}
-    print_json(_as_json(first, second, verdicts)) if args.json else print_lines(_as_text(first, second, verdicts))
-    if any(verdict != "EQUAL" for verdict in verdicts.values()):
+    results = {} if second is None else {link: _result(first.get(link), second.get(link)) for link in first | second}
+    print_json(_as_json(first, second, results)) if args.json else print_lines(_as_text(first, second, results))
+    if any(result != "EQUAL" for result in results.values()):
         return 1
     for recording in sessions:
         report_faults(recording)
@@ -67,7 +67,7 @@ def _hashes(recording: Recording, only: list[str] | None) -> dict[str, LinkHash]
     return {link: hash_ for link, hash_ in found.items() if only is None or link in only}
 
 
-def _verdict(first: LinkHash | None, second: LinkHash | None) -> str:
+def _result(first: LinkHash | None, second: LinkHash | None) -> str:
     if first is None or second is None:
         return "only in the other session" if first is None else "not in the other session"
     if first.is_same(second):
@@ -75,23 +75,23 @@ def _verdict(first: LinkHash | None, second: LinkHash | None) -> str:
     return f"DIFFERENT: the other has {second.frames} frames, {second.bytes} bytes, {second.sha256[:SHOWN_DIGITS]}"
 
 
-def _as_text(first: dict[str, LinkHash], second: dict[str, LinkHash] | None, verdicts: dict[str, str]) -> list[str]:
+def _as_text(first: dict[str, LinkHash], second: dict[str, LinkHash] | None, results: dict[str, str]) -> list[str]:
     links = first | {link: hash_ for link, hash_ in (second or {}).items() if link not in first}
     width = max(map(len, links), default=0)
     return [
         f"{link:{width}} {hash_.kind:6} {hash_.frames:9} frames {hash_.bytes:12} bytes  "
-        f"sha256 {hash_.sha256[:SHOWN_DIGITS]}  {verdicts.get(link, '')}".rstrip()
+        f"sha256 {hash_.sha256[:SHOWN_DIGITS]}  {results.get(link, '')}".rstrip()
         for link, hash_ in links.items()
     ]
 
 
 def _as_json(
-    first: dict[str, LinkHash], second: dict[str, LinkHash] | None, verdicts: dict[str, str]
+    first: dict[str, LinkHash], second: dict[str, LinkHash] | None, results: dict[str, str]
 ) -> dict[str, object]:
     from dataclasses import asdict
 
     table: dict[str, object] = {"links": {link: asdict(hash_) for link, hash_ in first.items()}}
     if second is not None:
         table["other"] = {link: asdict(hash_) for link, hash_ in second.items()}
-        table["equal"] = {link: verdict == "EQUAL" for link, verdict in verdicts.items()}
+        table["equal"] = {link: result == "EQUAL" for link, result in results.items()}
     return table

@@ -103,10 +103,10 @@ def as_text(report: RecoveryReport) -> Iterator[str]:
         yield f"numbers {gap.first}-{gap.last} are missing, between {_time(gap.first_ns)} and {_time(gap.last_ns)}"
     if len(report.gaps) > MAX_SHOWN:
         yield f"and {len(report.gaps) - MAX_SHOWN} more ranges of numbers; see recovered.json"
-    yield _verdict(report)
+    yield _conclusion(report)
 
 
-def _verdict(report: RecoveryReport) -> str:
+def _conclusion(report: RecoveryReport) -> str:
     if report.complete:
         return "nothing is missing"
     if report.gaps or any(file.lost for file in report.files):

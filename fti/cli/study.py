@@ -103,5 +103,5 @@ def as_line(result: StudyResult, width: int) -> str:
     value = f"{result.value}" if isinstance(result.value, int) else f"{result.value:.4g}"
     from fti.study import REPORTED
 
-    verdict = ("holds" if result.holds else "DOES NOT HOLD") if result.target != REPORTED else ""
-    return f"  {result.id:{width}} {value:>10}  target {result.target:14} {verdict:14} {result.quantity}"
+    outcome = ("holds" if result.holds else "DOES NOT HOLD") if result.target != REPORTED else ""
+    return f"  {result.id:{width}} {value:>10}  target {result.target:14} {outcome:14} {result.quantity}"

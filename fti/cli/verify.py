@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         task = bar.add_task("verifying", total=None)
         report = verify(recording, lambda done, total: bar.update(task, completed=done, total=total))
     print_json(as_json(report)) if args.json else print_lines(as_text(report))
-    return CODES[report.verdict]
+    return CODES[report.result]
 
 
 # ------------------------------------------------------------------------------------------------------------- printing
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
 def as_json(report: VerifyReport) -> dict[str, Any]:
     """The report as JSON."""
     return {
-        "verdict": report.verdict,
+        "verdict": report.result,
         "holds": report.holds,
         "findings": report.findings,
         "files": report.files,
@@ -78,9 +78,9 @@ def as_json(report: VerifyReport) -> dict[str, Any]:
         "checks": [
             {
                 "name": check.name,
-                "verdict": check.verdict,
+                "verdict": check.result,
                 "text": check.text,
-                "lines": [{"verdict": verdict, "text": text} for verdict, text in check.lines],
+                "lines": [{"verdict": result, "text": text} for result, text in check.lines],
             }
             for check in report.checks
         ],
@@ -107,9 +107,9 @@ def as_text(report: VerifyReport) -> list[str]:
     lines = []
     width = max(len(check.name) for check in report.checks)
     for check in report.checks:
-        good = check.verdict in ("ok", "note")
-        lines.append(f"{check.verdict:8}{check.name:{width}}  {check.text if good else ''}".rstrip())
-        lines += [f"{'':8}{'':{width}}  {verdict}: {text}" for verdict, text in check.lines]
+        good = check.result in ("ok", "note")
+        lines.append(f"{check.result:8}{check.name:{width}}  {check.text if good else ''}".rstrip())
+        lines += [f"{'':8}{'':{width}}  {result}: {text}" for result, text in check.lines]
     if report.accounts:
         lines += ["", *_table(report.accounts)]
     conclusion = {
@@ -117,7 +117,7 @@ def as_text(report: VerifyReport) -> list[str]:
         "loss": "readable with losses; every known loss is listed above",
         "refuted": "refuted: the checks marked refuted above do not hold",
     }
-    return [*lines, "", conclusion[report.verdict]]
+    return [*lines, "", conclusion[report.result]]
 
 
 def _table(accounts: list[LinkAccount]) -> list[str]:

@@ -43,7 +43,7 @@ def test_the_hash_is_what_its_page_reports(tmp_path: Path, capsys: pytest.Captur
 
 
 @pytest.mark.parametrize(
-    ("other", "verdicts"),
+    ("other", "results"),
     [
         (FRAMES, {"line": "EQUAL", "eth": "EQUAL"}),
         ({**FRAMES, "line": [b"a", b"bcde", b"f"]}, {"line": "EQUAL", "eth": "EQUAL"}),
@@ -54,15 +54,15 @@ def test_the_hash_is_what_its_page_reports(tmp_path: Path, capsys: pytest.Captur
         ({"line": FRAMES["line"]}, {"line": "EQUAL", "eth": "not in the other session"}),
     ],
 )
-def test_each_link_has_its_verdict(
-    other: Frames, verdicts: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_each_link_has_its_result(
+    other: Frames, results: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = main(["compare", record(tmp_path, FRAMES), record(tmp_path, other)])
     lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
-    assert lines.keys() == verdicts.keys()
-    for link, verdict in verdicts.items():
-        assert verdict in lines[link]
-    assert code == (0 if set(verdicts.values()) == {"EQUAL"} else 1)
+    assert lines.keys() == results.keys()
+    for link, result in results.items():
+        assert result in lines[link]
+    assert code == (0 if set(results.values()) == {"EQUAL"} else 1)
 
 
 def test_beside_what_differs_stand_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -206,8 +206,8 @@ def test_a_jump_of_the_satellites_is_refused_for_as_long_as_it_lasts(flight: Fli
     """500 m to the east for good: refused and named; after five seconds it was taken, with a sigma of 2 m."""
     navigator = started(flight)
     fly(navigator, flight, east=lambda t: 500.0 if t > 12.0 else 0.0)
-    verdicts = [v for v in navigator.drain_innovations() if v.name == "gnss.position" and v.t_ns > ns(12.0)]
-    assert {v.decision for v in verdicts} == {GateDecision.REFUSED}
+    innovations = [v for v in navigator.drain_innovations() if v.name == "gnss.position" and v.t_ns > ns(12.0)]
+    assert {v.decision for v in innovations} == {GateDecision.REFUSED}
     assert "gnss.position" in navigator.output(ns(float(flight.t[-1]))).rejected
     assert metres_off(navigator, flight) < 20.0
 
@@ -436,8 +436,8 @@ def test_a_place_without_a_height_does_not_hide_the_height_of_its_epoch(flight: 
                 navigator.feed_aiding(ns(t), aiding)
         navigator.feed_inertial(ns(t), forces[k], rates[k])
     assert navigator.mode(ns(t)) == (FilterMode.AIDED, ())
-    verdicts = [v.name for v in navigator.drain_innovations()]
-    assert verdicts.count("gnss.height") == verdicts.count("gnss.position") == verdicts.count("gnss.velocity") > 5
+    names = [v.name for v in navigator.drain_innovations()]
+    assert names.count("gnss.height") == names.count("gnss.position") == names.count("gnss.velocity") > 5
 
 
 def test_a_wrong_first_fix_is_never_output(flight: FlightState) -> None:

@@ -193,7 +193,7 @@ def _collect(samples: Samples, output: HeightAboveGround, truth: float, conditio
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class HeightScore:
     """Result of one value in one case, pooled over its flights.
 
     within_1, within_2 : shares of |z| < 1 and < 2;  rms_z;  bias, spread, stated : of the error and of its sigma [m]
@@ -215,7 +215,7 @@ class Verdict:
         return self.within_1 >= 0.60 and self.within_2 >= 0.93 and self.rms_z >= 0.5
 
 
-def judge(flights: list[Samples], name: str) -> Verdict | None:
+def judge(flights: list[Samples], name: str) -> HeightScore | None:
     """None where no output has the value."""
     errors = np.concatenate([np.array(f.errors[name], dtype=np.float64) for f in flights])
     sds = np.concatenate([np.array(f.sds[name], dtype=np.float64) for f in flights])
@@ -226,7 +226,7 @@ def judge(flights: list[Samples], name: str) -> Verdict | None:
     z = errors / sds
     by_flight = [np.array(f.errors[name]) / np.array(f.sds[name]) for f in flights]
     worst = min(float(np.mean(np.abs(of) < 2.0)) for of in by_flight if np.isfinite(of).any())
-    return Verdict(
+    return HeightScore(
         n=len(z),
         within_1=float(np.mean(np.abs(z) < 1.0)),
         within_2=float(np.mean(np.abs(z) < 2.0)),

@@ -25,7 +25,7 @@ from fti.logger.reading.session_metadata import remarks
 from fti.logger.session import Numbering, name_parts
 from fti.logger.storage import OpenAttempt, StorageState
 from fti.logger.storage_target import StorageTarget
-from fti.logger.verify.report import Check, CheckVerdict
+from fti.logger.verify.report import Check, CheckResult
 from fti.logger.verify.verification import verify
 from fti.service.recorder import log_writer
 from fti.service.recorder.log_source import LogSource
@@ -137,7 +137,7 @@ class Rig:
         recording = Recording.open(*found)
         numbers = [name_parts(path)[1] for path in recording.raw_files]
         assert len(set(numbers)) == len(numbers)
-        assert away or check_of(recording, "splits").verdict in (CheckVerdict.OK, CheckVerdict.NOTE)
+        assert away or check_of(recording, "splits").result in (CheckResult.OK, CheckResult.NOTE)
         firsts = [numbers_in(path)[:1] for path in recording.raw_files]
         assert sorted(first for first in firsts if first) == [first for first in firsts if first]
         frames = list(recording.frames())
@@ -239,7 +239,7 @@ def test_the_number_of_a_file_that_was_not_opened_in_time_is_stated(make: Callab
     recording = Recording.open(*(folder for folder in rig.folders if any(folder.glob("*.mcap"))))
     assert 0 not in {name_parts(path)[1] for path in recording.raw_files}
     splits = check_of(recording, "splits")
-    assert splits.verdict is CheckVerdict.NOTE and "raw numbers 0 were skipped" in splits.lines[0][1]
+    assert splits.result is CheckResult.NOTE and "raw numbers 0 were skipped" in splits.lines[0][1]
     assert not list(remarks(recording))
     recording.raw_files[0].rename(recording.raw_files[0].with_name(f"{recording.session}_007.mcap"))
     moved = Recording.open(*(folder for folder in rig.folders if any(folder.glob("*.mcap"))))

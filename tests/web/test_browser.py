@@ -82,7 +82,7 @@ async def test_values_change_and_nothing_comes_from_outside(page: Page, display:
     assert float(before) > 0
     await page.wait_for(f"{by_testid(f'{LASER}-agl')}.textContent !== '{before}'")
     assert not await page.eval(is_struck(f"{LASER}-agl"))
-    assert await page.text(f"{LASER}-verdict") == "VALID"
+    assert await page.text(f"{LASER}-validity") == "VALID"
     assert await page.text("session") == SESSION
     assert await page.text("recording") == "RECORDING"
     assert await page.text("link-gnss_line-state") == "absent"
@@ -103,11 +103,11 @@ async def test_it_stands_on_one_screen_and_a_narrow_one_scrolls_down_only(page: 
     assert await page.eval("document.documentElement.scrollWidth") == 1024
 
 
-#: Instruments that hide a part of themselves; cells of the attitude that need a second line; verdicts without a height.
+#: Instruments that hide a part of themselves; cells of the attitude that need a second line; empty validities.
 HIDDEN_PARTS = """[
     ...[...document.querySelectorAll('main .panel')].filter((e) => e.scrollHeight > e.clientHeight),
     ...[...document.querySelectorAll('#attitude dt')].filter((e) => e.clientHeight > 20),
-    ...[...document.querySelectorAll('main .verdict')].filter((e) => e.textContent && e.clientHeight < 10),
+    ...[...document.querySelectorAll('main .validity')].filter((e) => e.textContent && e.clientHeight < 10),
     ...[...document.querySelectorAll('.below .big')].filter((e) => e.scrollWidth > e.clientWidth),
 ].map((e) => e.id || e.textContent)"""
 
@@ -140,7 +140,7 @@ async def test_how_far_an_unconfirmed_source_is_off_is_shown_as_long_as_it_is_pu
     daemon.muted.discard(PROVISIONAL)
     await page.wait_for(f"{row} !== null")
     assert await page.text("fallback-provisional-gnss-sd") == "104 m off, height −1 m · HPL 154"
-    assert await page.text("fallback-provisional-gnss-verdict") == "not confirmed after a fault"
+    assert await page.text("fallback-provisional-gnss-validity") == "not confirmed after a fault"
     assert "used again after a step back that cancels it, or fti readmit" in await page.eval(f"{row}.title")
     await page.resize(1440, 900)
     assert await page.eval("document.documentElement.scrollHeight") == 900
@@ -155,13 +155,13 @@ async def test_what_takes_the_place_of_devices_is_reported_and_a_known_attitude_
     assert await page.text("attitude-alt-sd") == "± 2.1"
     assert await page.text("attitude-lat-sd") == "± 1.5 m"
     assert await page.text("attitude-lon-sd") == "HPL 15 · VPL 20"
-    assert await page.text("fallback-filter-verdict") == "aided"
-    assert await page.text("fallback-fix-verdict") == "no DME ranges, geometry gives no position"
+    assert await page.text("fallback-filter-validity") == "aided"
+    assert await page.text("fallback-fix-validity") == "no DME ranges, geometry gives no position"
     by_radio = {"position_source": "radio", "altitude_source": "radio", "horizontal_sd": 222.0}
     by_radio |= {"hpl": 1066.0, "unchecked": ["nothing_to_compare"]}
     daemon.solution = {**by_radio, "valid": False, "reasons": ["no_velocity"], "vel_north": None, "vel_down": None}
     await page.wait_for(f"{by_testid('attitude-sources')}.textContent === 'pos radio · att ins'")
-    assert await page.text("attitude-verdict") == "no velocity"
+    assert await page.text("attitude-validity") == "no velocity"
     assert await page.text("attitude-lat-sd") == "± 222 m"
     assert await page.text("attitude-lon-sd") == "HPL 1066 · VPL 20"
     assert await page.eval("document.querySelector('.cells .lon .sd').classList.contains('unchecked')")
@@ -184,7 +184,7 @@ async def test_the_attitude_shows_its_protection_level_and_whether_it_is_valid(p
     why = {"reasons": ["attitude_level"], "attitude_reasons": ["attitude_level"]}
     daemon.solution = {"valid": False, "attitude_valid": False, **why, "tilt_pl": math.radians(3.36)}
     await page.wait_for(f"{by_testid('attitude-state')}.textContent === 'ATT NOT VALID'")
-    assert await page.text("attitude-verdict") == "attitude protection level above alert limit"
+    assert await page.text("attitude-validity") == "attitude protection level above alert limit"
     daemon.muted.add("/nav/nav_solution")
     await page.wait_for(f"{by_testid('attitude-state')}.textContent === ''")
 
@@ -209,7 +209,7 @@ async def test_one_height_is_large_and_names_its_source(page: Page) -> None:
 async def test_a_stopped_sensor_is_struck_out_and_the_others_are_not(page: Page, daemon: FakeDaemon) -> None:
     daemon.muted.add("/nav/height_above_ground/laser_altimeter")
     await page.wait_for(f"{is_struck(f'{LASER}-agl')} && {is_struck(f'{LASER}-raw')}")
-    assert (await page.text(f"{LASER}-verdict")).startswith("STALE ")
+    assert (await page.text(f"{LASER}-validity")).startswith("STALE ")
     assert not await page.eval(is_struck("height-radar_altimeter-agl"))
     daemon.muted.clear()
     await page.wait_for(f"!({is_struck(f'{LASER}-agl')})")

@@ -1,1 +1,1 @@
-"""Integrity verification of a session: sequence numbers, byte accounts, checksums, and a verdict."""
+"""Integrity verification of a session: sequence numbers, byte accounts, checksums, and a result."""

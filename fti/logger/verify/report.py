@@ -1,4 +1,4 @@
-"""Report of a verification: checks, the account of each link, and the verdict."""
+"""Report of a verification: checks, the account of each link, and the result."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from enum import StrEnum
 from fti.logger.verify.ledger import Amount
 
 
-class CheckVerdict(StrEnum):
-    """Verdict of a check, from good to bad."""
+class CheckResult(StrEnum):
+    """Result of a check, from good to bad."""
 
     OK = "ok"
     NOTE = "note"  # passed, with a remark
@@ -17,7 +17,7 @@ class CheckVerdict(StrEnum):
     REFUTED = "refuted"  # failed
 
 
-_ORDER = list(CheckVerdict)
+_ORDER = list(CheckResult)
 
 
 @dataclass(slots=True)
@@ -26,13 +26,13 @@ class Check:
 
     name: str
     text: str
-    verdict: CheckVerdict = CheckVerdict.OK
-    lines: list[tuple[CheckVerdict, str]] = field(default_factory=list)
+    result: CheckResult = CheckResult.OK
+    lines: list[tuple[CheckResult, str]] = field(default_factory=list)
 
-    def add(self, verdict: CheckVerdict, text: str) -> None:
+    def add(self, result: CheckResult, text: str) -> None:
         """Add a remark or finding."""
-        self.lines.append((verdict, text))
-        self.verdict = max(self.verdict, verdict, key=_ORDER.index)
+        self.lines.append((result, text))
+        self.result = max(self.result, result, key=_ORDER.index)
 
 
 @dataclass(slots=True)
@@ -82,18 +82,18 @@ class VerifyReport:
     topics: dict[str, TopicTotals] = field(default_factory=dict)
 
     @property
-    def verdict(self) -> CheckVerdict:
-        """The worst verdict of all checks; notes count as good."""
-        worst = max((check.verdict for check in self.checks), key=_ORDER.index, default=CheckVerdict.OK)
-        return CheckVerdict.OK if worst is CheckVerdict.NOTE else worst
+    def result(self) -> CheckResult:
+        """The worst result of all checks; notes count as good."""
+        worst = max((check.result for check in self.checks), key=_ORDER.index, default=CheckResult.OK)
+        return CheckResult.OK if worst is CheckResult.NOTE else worst
 
     @property
     def holds(self) -> bool:
         """Is nothing missing or damaged, and is everything verified?"""
-        return self.verdict is CheckVerdict.OK
+        return self.result is CheckResult.OK
 
     @property
     def findings(self) -> list[str]:
         """A sentence for each loss and each failed check."""
-        bad = (CheckVerdict.LOSS, CheckVerdict.REFUTED)
-        return [text for check in self.checks for verdict, text in check.lines if verdict in bad]
+        bad = (CheckResult.LOSS, CheckResult.REFUTED)
+        return [text for check in self.checks for result, text in check.lines if result in bad]

@@ -14,7 +14,7 @@ from fti.logger.reading.text_format import clock_text, ranges_text
 from fti.logger.verify.gap_check import GapNotes
 from fti.logger.verify.ledger import SOCKET_QUEUE, Amount
 from fti.logger.verify.ledger_check import LedgerCheck, RecorderRun
-from fti.logger.verify.report import Check, CheckVerdict, LinkAccount, VerifyReport
+from fti.logger.verify.report import Check, CheckResult, LinkAccount, VerifyReport
 from fti.logger.verify.sequence_check import TICK_HOLE_NS, SequenceCheck
 from fti.messages.topics import TICK_TOPIC
 
@@ -41,7 +41,7 @@ def conclude(
         checks += [session.sequence(), session.stamps(), session.ticks()]
     if recording.raw_files:
         checks += [session.ledgers(), session.recorders(), session.gap_notes()]
-    if checks[0].verdict is CheckVerdict.REFUTED and recording.other_folders:
+    if checks[0].result is CheckResult.REFUTED and recording.other_folders:
         checks = [_soften_partial(check, recording.other_folders) for check in checks]
     report.checks += checks
     report.missing = session.missing
@@ -50,14 +50,14 @@ def conclude(
 
 def _soften_partial(check: Check, other_folders: Sequence[Path]) -> Check:
     """Reduce a failed check of one part of a session to a loss: the missing data may be in other folders."""
-    if check.verdict is not CheckVerdict.REFUTED:
+    if check.result is not CheckResult.REFUTED:
         return check
     softened = Check(check.name, check.text)
-    for verdict, text in check.lines:
-        softened.add(CheckVerdict.LOSS if verdict is CheckVerdict.REFUTED else verdict, text)
+    for result, text in check.lines:
+        softened.add(CheckResult.LOSS if result is CheckResult.REFUTED else result, text)
     folders = ", ".join(map(str, other_folders))
     text = f"this may be only a part of the session; more may be in {folders}; name all folders"
-    softened.add(CheckVerdict.LOSS, text)
+    softened.add(CheckResult.LOSS, text)
     return softened
 
 
@@ -103,15 +103,15 @@ class _SessionCheck:
             others = recording.derived_files or recording.snapshot_files
             whole = self._is_single_file or recording.is_reprocessed or not others
             check.add(
-                CheckVerdict.NOTE if whole else CheckVerdict.LOSS, "no raw file: complete reception cannot be verified"
+                CheckResult.NOTE if whole else CheckResult.LOSS, "no raw file: complete reception cannot be verified"
             )
         for kind in ("raw", "derived", "snapshot") if not self._is_single_file else ():
             skipped_numbers, missing = absent_numbers(recording, kind)
             if missing:
-                check.add(CheckVerdict.REFUTED, f"{kind} files {ranges_text(missing)} are missing")
+                check.add(CheckResult.REFUTED, f"{kind} files {ranges_text(missing)} are missing")
             if skipped_numbers:
                 numbers = ranges_text([(n, n) for n in skipped_numbers])
-                check.add(CheckVerdict.NOTE, f"{kind} numbers {numbers} were skipped: no file was opened in time")
+                check.add(CheckResult.NOTE, f"{kind} numbers {numbers} were skipped: no file was opened in time")
         return check
 
     def sequence(self) -> Check:
@@ -119,17 +119,17 @@ class _SessionCheck:
         numbers = self._numbers
         check = Check("sequence", f"numbers {self._begin} to {self._end - 1}, each once")
         if numbers.doubles:
-            check.add(CheckVerdict.REFUTED, f"{numbers.doubles} numbers occur twice in a file")
+            check.add(CheckResult.REFUTED, f"{numbers.doubles} numbers occur twice in a file")
         if numbers.repeated:
             check.add(
-                CheckVerdict.NOTE, f"{numbers.repeated} numbers occur in two files, as after a change of the medium"
+                CheckResult.NOTE, f"{numbers.repeated} numbers occur in two files, as after a change of the medium"
             )
         for topic in numbers.topics.values():
             if topic.unordered:
-                check.add(CheckVerdict.REFUTED, f"{topic.name}: the numbers do not increase {topic.unordered} times")
+                check.add(CheckResult.REFUTED, f"{topic.name}: the numbers do not increase {topic.unordered} times")
         if self._frames_are_separate:
             check.text = f"{numbers.frames} numbers, each once"
-            check.add(CheckVerdict.NOTE, "the ledgers are in other files: verify the session folder to check both")
+            check.add(CheckResult.NOTE, "the ledgers are in other files: verify the session folder to check both")
             return check
         self._check_uncovered(check)
         for run in self._ledger.runs:
@@ -142,9 +142,9 @@ class _SessionCheck:
         begin = self._ledger.runs[0].begin if self._ledger.runs else self._end
         holes = self._numbers.coverage.holes(self._begin, begin)
         if holes and self._ledger.runs and self._is_single_file:
-            check.add(CheckVerdict.NOTE, f"{_missing_text(holes)}; they may be in the previous file")
+            check.add(CheckResult.NOTE, f"{_missing_text(holes)}; they may be in the previous file")
         elif holes:
-            check.add(CheckVerdict.REFUTED, f"{_missing_text(holes)}; no ledger accounts for them")
+            check.add(CheckResult.REFUTED, f"{_missing_text(holes)}; no ledger accounts for them")
 
     def _check_before_ledger(self, check: Check, run: RecorderRun) -> None:
         """Check numbers before the last ledger of a recorder, which must account for each."""
@@ -154,20 +154,20 @@ class _SessionCheck:
         if count != known or any(topic_account.refuted for topic_account in run.topics.values()):
             missing_text = _missing_text(holes) if holes else "no number is missing"
             check.add(
-                CheckVerdict.REFUTED, f"{missing_text}; the ledger of {clock_text(run.last.t_ns)} accounts for {known}"
+                CheckResult.REFUTED, f"{missing_text}; the ledger of {clock_text(run.last.t_ns)} accounts for {known}"
             )
         elif holes:
             explained = sum(hole.count for hole in holes if self._gaps.explains(hole))
             explanation = f"the ledger accounts for all, notes of gaps for {explained}"
-            check.add(self._verdict(run), f"{_missing_text(holes)}; {explanation}")
+            check.add(self._result(run), f"{_missing_text(holes)}; {explanation}")
 
-    def _verdict(self, run: RecorderRun) -> CheckVerdict:
+    def _result(self, run: RecorderRun) -> CheckResult:
         """Frames without a trigger are not a loss."""
         reasons = {reason for topic_account in run.topics.values() for reason in topic_account.entry.dropped}
         lost = reasons - {NOT_TRIGGERED, SOCKET_QUEUE} or any(
             topic_account.unwritten for topic_account in run.topics.values()
         )
-        return CheckVerdict.LOSS if lost else CheckVerdict.NOTE
+        return CheckResult.LOSS if lost else CheckResult.NOTE
 
     def _check_after_ledger(self, check: Check, run: RecorderRun) -> None:
         """Check numbers after the last ledger of a recorder."""
@@ -175,11 +175,11 @@ class _SessionCheck:
         if not holes:
             return
         if run.last.final:
-            check.add(CheckVerdict.REFUTED, f"{_missing_text(holes)}; they follow the final ledger of their recorder")
+            check.add(CheckResult.REFUTED, f"{_missing_text(holes)}; they follow the final ledger of their recorder")
         elif self._is_single_file:
-            check.add(CheckVerdict.NOTE, f"{_missing_text(holes)}; they may be in the next file")
+            check.add(CheckResult.NOTE, f"{_missing_text(holes)}; they may be in the next file")
         else:
-            check.add(CheckVerdict.LOSS, f"{_missing_text(holes)}; they were received and never written")
+            check.add(CheckResult.LOSS, f"{_missing_text(holes)}; they were received and never written")
 
     # -------------------------------------------------------------------------------------------------- stamps, ticks
 
@@ -188,11 +188,11 @@ class _SessionCheck:
         check = Check("stamps", "the time of every link increases")
         for topic in self._numbers.topics.values():
             if topic.backwards:
-                check.add(CheckVerdict.REFUTED, f"{topic.name}: the time goes back {topic.backwards} times")
+                check.add(CheckResult.REFUTED, f"{topic.name}: the time goes back {topic.backwards} times")
         for account in self.accounts():
             if count := account.stamps_refused:
                 text = f"{count} frames have the time at which they were read: the kernel's timestamps were refused"
-                check.add(CheckVerdict.LOSS, f"{account.topic}: {text}")
+                check.add(CheckResult.LOSS, f"{account.topic}: {text}")
         return check
 
     def ticks(self) -> Check:
@@ -202,7 +202,7 @@ class _SessionCheck:
         check = Check("ticks", f"{count} ticks, the longest time between two is {gap / 1e6:.0f} ms")
         for begin, end in self._numbers.tick_holes:
             if end - begin > TICK_HOLE_NS:
-                check.add(CheckVerdict.NOTE, f"none for {(end - begin) / 1e9:.2f} s from {clock_text(begin)} on")
+                check.add(CheckResult.NOTE, f"none for {(end - begin) / 1e9:.2f} s from {clock_text(begin)} on")
         return check
 
     # ---------------------------------------------------------------------------------------------- ledger, recorders
@@ -212,17 +212,17 @@ class _SessionCheck:
         ledger = self._ledger
         check = Check("ledger", f"{ledger.notes} ledgers agree with the contents of the files")
         for finding in ledger.findings:
-            check.add(CheckVerdict.REFUTED, finding)
+            check.add(CheckResult.REFUTED, finding)
         if ledger.unreadable:
-            check.add(CheckVerdict.REFUTED, f"{ledger.unreadable} ledgers cannot be read")
+            check.add(CheckResult.REFUTED, f"{ledger.unreadable} ledgers cannot be read")
         if not ledger.notes:
             check.text = "none: reception cannot be verified"
-            check.add(CheckVerdict.LOSS, "no ledger in these files: complete reception cannot be verified")
+            check.add(CheckResult.LOSS, "no ledger in these files: complete reception cannot be verified")
         for account in self.accounts():
             for reason, amount in account.dropped.items():
                 size = f" ({amount.bytes} bytes)" if amount.bytes else ""
-                verdict = CheckVerdict.NOTE if reason == NOT_TRIGGERED else CheckVerdict.LOSS
-                check.add(verdict, f"{account.topic}: {amount.frames} frames{size} were dropped: {reason}")
+                result = CheckResult.NOTE if reason == NOT_TRIGGERED else CheckResult.LOSS
+                check.add(result, f"{account.topic}: {amount.frames} frames{size} were dropped: {reason}")
         return check
 
     def recorders(self) -> Check:
@@ -240,10 +240,10 @@ class _SessionCheck:
         until = clock_text(run.last.t_ns)
         if after is None and self._is_single_file:
             text = f"its last ledger in this file is of {until}; it continued in another file or was killed"
-            check.add(CheckVerdict.NOTE, text)
+            check.add(CheckResult.NOTE, text)
             return
         if after is None and self._recording.raw_files and is_being_written(self._recording.raw_files[-1]):
-            check.add(CheckVerdict.LOSS, "the session is being recorded; the content of its buffers is not known")
+            check.add(CheckResult.LOSS, "the session is being recorded; the content of its buffers is not known")
             return
         later_count = max(run.end - run.last.next_seq, 0)
         holes = self._holes[id(run)][1]
@@ -259,7 +259,7 @@ class _SessionCheck:
             text += "; whether it received more is not known"
         else:
             text += self._outage_text(after)
-        check.add(CheckVerdict.LOSS, text)
+        check.add(CheckResult.LOSS, text)
 
     def _outage_text(self, after: RecorderRun) -> str:
         started = after.recorder.started_ns
@@ -276,13 +276,13 @@ class _SessionCheck:
             missing = sum(hole.count for hole in self._numbers.coverage.holes(gap.first, gap.last + 1))
             if missing < gap.frames:
                 text = f"{gap.frames} frames were dropped in numbers {gap.first} to {gap.last}, {missing} are missing"
-                check.add(CheckVerdict.REFUTED, f"{gap.link}: the note states that {text}")
+                check.add(CheckResult.REFUTED, f"{gap.link}: the note states that {text}")
         if gaps.unreadable:
-            check.add(CheckVerdict.REFUTED, f"{gaps.unreadable} notes of gaps cannot be read")
+            check.add(CheckResult.REFUTED, f"{gaps.unreadable} notes of gaps cannot be read")
         for text in gaps.descriptions:
-            check.add(CheckVerdict.NOTE, text)
+            check.add(CheckResult.NOTE, text)
         if gaps.omitted_notes:
-            check.add(CheckVerdict.NOTE, f"and {gaps.omitted_notes} more")
+            check.add(CheckResult.NOTE, f"and {gaps.omitted_notes} more")
         return check
 
     # --------------------------------------------------------------------------------------------------------- accounts

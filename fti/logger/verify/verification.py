@@ -31,7 +31,7 @@ from fti.logger.session import name_parts
 from fti.logger.verify.file_check import FileCheck, MessageRow, Page
 from fti.logger.verify.gap_check import GapNotes
 from fti.logger.verify.ledger_check import LedgerCheck
-from fti.logger.verify.report import Check, CheckVerdict, TopicTotals, VerifyReport
+from fti.logger.verify.report import Check, CheckResult, TopicTotals, VerifyReport
 from fti.logger.verify.sequence_check import SequenceCheck
 from fti.logger.verify.session_check import conclude, frames_are_separate
 from fti.logger.verify.snapshot_check import SnapshotCheck
@@ -87,13 +87,11 @@ class _Verification:
 
         Data that a failed medium may have lost were written to the next file too.
         """
-        others = (check.verdict for check in self._report.checks if check is not files)
-        complete = not self._report.missing and all(
-            verdict in (CheckVerdict.OK, CheckVerdict.NOTE) for verdict in others
-        )
+        others = (check.result for check in self._report.checks if check is not files)
+        complete = not self._report.missing and all(result in (CheckResult.OK, CheckResult.NOTE) for result in others)
         complete = complete and bool(self._ledger.runs) and all(run.last.final for run in self._ledger.runs)
         for text in self._ends:
-            files.add(CheckVerdict.NOTE if complete else CheckVerdict.LOSS, text)
+            files.add(CheckResult.NOTE if complete else CheckResult.LOSS, text)
 
     # ---------------------------------------------------------------------------------------------------------- files
 
@@ -115,21 +113,21 @@ class _Verification:
         size = path.stat().st_size
         self._done += size
         for fault in file.faults:
-            files.add(CheckVerdict.REFUTED, f"{path.name}: {fault}")
+            files.add(CheckResult.REFUTED, f"{path.name}: {fault}")
         if file.unfinished_fault:
             text = "is being written" if is_being_written(path) else file.unfinished_fault
-            files.add(CheckVerdict.LOSS, f"{path.name}: {text}")
+            files.add(CheckResult.LOSS, f"{path.name}: {text}")
         for warning in file.warnings:
-            files.add(CheckVerdict.LOSS, f"{path.name}: {warning}")
+            files.add(CheckResult.LOSS, f"{path.name}: {warning}")
         for warning in file.end_warnings:
             if raw:
                 self._ends.append(f"{path.name}: {warning}")
             else:
-                files.add(CheckVerdict.LOSS, f"{path.name}: {warning}")
+                files.add(CheckResult.LOSS, f"{path.name}: {warning}")
         for note in file.notes:
-            files.add(CheckVerdict.NOTE, f"{path.name}: {note}")
+            files.add(CheckResult.NOTE, f"{path.name}: {note}")
         for fault in self._read_officially(file):
-            official.add(CheckVerdict.REFUTED, f"{path.name}: {fault}")
+            official.add(CheckResult.REFUTED, f"{path.name}: {fault}")
         self._done += size
 
     def _check_limits(self, path: Path) -> None:
@@ -172,9 +170,9 @@ class _Verification:
         text = f"{found.files} files with {found.frames} numbered messages; {found.copies} are in raw files too"
         check = Check("snapshots", f"{text}, identical")
         if only:
-            check.add(CheckVerdict.NOTE, "SNAPSHOT: not a continuous recording, only frames around triggers")
+            check.add(CheckResult.NOTE, "SNAPSHOT: not a continuous recording, only frames around triggers")
         if found.different:
-            check.add(CheckVerdict.REFUTED, f"{found.different} messages differ from the raw files")
+            check.add(CheckResult.REFUTED, f"{found.different} messages differ from the raw files")
         return [check]
 
     # ------------------------------------------------------------------------------------------------ official reader

@@ -52,7 +52,7 @@ def run(task: tuple[int, int, int]) -> FilterRun:
 
 def run_filter(flight: FilterFlight, navigator: InertialNavigator) -> FilterRun:
     """Run the filter over a flight."""
-    rows, history, verdicts = list[tuple[Array, Array, float]](), list[tuple[Array, Array]](), []
+    rows, history, innovations = list[tuple[Array, Array, float]](), list[tuple[Array, Array]](), []
     first, waiting = Estimate(0, *_start(flight, navigator), np.zeros(6), navigator.model), list(reversed(flight.aids))
     instants = {round(t / INERTIAL_S) for t in INSTANTS_S}
     every = round(HISTORY_S / INERTIAL_S)
@@ -73,14 +73,14 @@ def run_filter(flight: FilterFlight, navigator: InertialNavigator) -> FilterRun:
                 rows.append(normalized_errors(here, truth, k, flight))
             error_n = (here.mat_en.T @ (truth.pos_e[k] - here.y[:3]), here.sd_n[:3])
             history.append(error_n)
-        verdicts += navigator.drain_innovations()
+        innovations += navigator.drain_innovations()
     end = navigator.at(round(flight.t[-1] * SECOND_NS))
     assert end is not None
     return FilterRun(
         ratios=np.array([row[0] for row in rows]),
         nees=np.array([row[2] for row in rows]),
-        nis=float(np.sum([v.nis for v in verdicts]) / np.sum([v.dof for v in verdicts])),
-        refused=float(np.mean([v.decision.value == "refused" for v in verdicts])),
+        nis=float(np.sum([v.nis for v in innovations]) / np.sum([v.dof for v in innovations])),
+        refused=float(np.mean([v.decision.value == "refused" for v in innovations])),
         errors=np.array([h[0] for h in history]),
         sds=np.array([h[1] for h in history]),
         spread=_sds(end) / _sds(first),

@@ -18,7 +18,7 @@ const FOOT = 0.3048;
 export class Attitude {
   constructor(root) {
     this.horizon = new Horizon();
-    this.verdict = h("span", { class: "verdict", "data-testid": "attitude-verdict" });
+    this.validity = h("span", { class: "validity", "data-testid": "attitude-validity" });
     this.cells = Object.fromEntries(CELLS.map(([name, label, unit]) => [name, makeCell(name, label, unit)]));
     const { root: heading, side } = panelTitle("Attitude and position");
     this.sources = side;
@@ -29,12 +29,12 @@ export class Attitude {
     setAttribute(this.cells.alt.root, "title", "above the ellipsoid WGS84, and one sigma");
     this.state = h("span", { class: "state", "data-testid": "attitude-state" });
     const picture = h("div", { class: "picture" }, this.horizon.root, this.state);
-    root.append(heading, this.verdict, picture, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)), this.fallbacks.root);
+    root.append(heading, this.validity, picture, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)), this.fallbacks.root);
   }
 
   show({ outputs }) {
     const output = outputs[TOPIC];
-    showValidity(output, [], this.verdict);
+    showValidity(output, [], this.validity);
     for (const value of this.values) setClass(value, "struck", Boolean(output?.late)); // a missing value is a dash
     this.horizon.show(output);
     this.#showState(output);

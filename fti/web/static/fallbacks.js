@@ -26,25 +26,25 @@ export class Fallbacks {
     const rows = this.rows.sync([...topics, ...provisional]);
     for (const topic of provisional) showProvisional(rows.get(topic), outputs[topic]);
     for (const topic of topics) {
-      const { sd, verdict, root } = rows.get(topic);
+      const { sd, validity, root } = rows.get(topic);
       const output = outputs[topic];
       const { text, kind } = describe(output);
       const sigmas = [plusMinus(output.horizontal_sd, 0), plusMinus(output.vertical_sd, 1)].filter(Boolean);
       const words = kind === "valid" ? [output.mode ?? "valid", ...output.reasons_text] : [text];
       setText(sd, sigmas.length ? `${sigmas.join(", ")} m` : "");
-      setText(verdict, [...new Set(words)].join(", "));
-      setAttribute(verdict, "data-kind", kind);
+      setText(validity, [...new Set(words)].join(", "));
+      setAttribute(validity, "data-kind", kind);
       setAttribute(root, "title", sigmas.length === 2 ? `level ${sigmas[0]} m, height ${sigmas[1]} m` : text);
     }
   }
 }
 
-function showProvisional({ sd, verdict, root }, output) {
+function showProvisional({ sd, validity, root }, output) {
   const { text, kind } = describe(output);
   const height = fixed(output.height_difference, 0, { sign: true });
   setText(sd, `${fixed(output.distance, 0)} m off, height ${height} m · HPL ${fixed(output.hpl, 0)}`);
-  setText(verdict, text);
-  setAttribute(verdict, "data-kind", kind);
+  setText(validity, text);
+  setAttribute(validity, "data-kind", kind);
   setAttribute(root, "title", `provisional filter with ${output.quantities.join(", ")}; used again after ${output.readmission}`);
 }
 
@@ -52,6 +52,6 @@ function makeRow(topic) {
   const source = topic.slice(PROVISIONAL.length);
   const [id, name] = NAMES[topic] ?? [`provisional-${source}`, source];
   const sd = h("span", { class: "sd", "data-testid": `fallback-${id}-sd` });
-  const verdict = h("span", { class: "verdict", "data-testid": `fallback-${id}-verdict` });
-  return { root: h("div", { "data-testid": `fallback-${id}` }, h("strong", {}, name), sd, verdict), sd, verdict };
+  const validity = h("span", { class: "validity", "data-testid": `fallback-${id}-validity` });
+  return { root: h("div", { "data-testid": `fallback-${id}` }, h("strong", {}, name), sd, validity), sd, validity };
 }

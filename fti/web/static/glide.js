@@ -20,13 +20,13 @@ export class Glide {
     this.offset = figure("right of track", "glide-offset", "m");
     this.dhNav = figure("above path, navigation", "glide-dh-nav", "m");
     this.words = h("p", { class: "fly", "data-testid": "glide-words" });
-    this.verdict = h("span", { class: "verdict", "data-testid": "glide-verdict" });
+    this.validity = h("span", { class: "validity", "data-testid": "glide-validity" });
     this.plotPlace = h("div", { class: "plot", "data-testid": "glide-plot" });
     const figures = [this.deviation, this.dh, this.distance, this.offset, this.dhNav];
     this.values = figures.flatMap((f) => [f.value, f.sd]);
     root.append(
       panelTitle("Glide slope", "deviation from the published path").root,
-      h("div", { class: "glide-top" }, this.scale.root, h("div", { class: "figures" }, this.verdict, this.words, ...figures.map((f) => f.root))),
+      h("div", { class: "glide-top" }, this.scale.root, h("div", { class: "figures" }, this.validity, this.words, ...figures.map((f) => f.root))),
       this.plotPlace,
     );
     const series = [{ key: `${TOPIC}:deviation`, color: "#e05cff", scale: TO_DEGREES }];
@@ -39,7 +39,7 @@ export class Glide {
 
   show({ outputs, events, t_ns: tNs }) {
     const output = outputs[TOPIC];
-    showValidity(output, this.values, this.verdict);
+    showValidity(output, this.values, this.validity);
     this.scale.show(output);
     this.#showFigures(output ?? {});
     this.plot.marks = marksOf(events);

@@ -84,11 +84,11 @@ class Below {
     this.sd = h("span", { class: "sd", "data-testid": "height-below-sd" });
     this.level = h("span", { class: "level", "data-testid": "height-below-vpl" });
     this.source = h("span", { class: "remark", "data-testid": "height-below-source" });
-    this.verdict = h("span", { class: "verdict", "data-testid": "height-below-verdict" });
+    this.validity = h("span", { class: "validity", "data-testid": "height-below-validity" });
     this.root = h(
       "div",
       { class: "below" },
-      h("div", { class: "label" }, h("strong", {}, "Below the aircraft"), this.source, this.verdict),
+      h("div", { class: "label" }, h("strong", {}, "Below the aircraft"), this.source, this.validity),
       h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), h("span", { class: "bounds" }, this.sd, this.level)),
     );
   }
@@ -100,7 +100,7 @@ class Below {
     setText(this.value, fixed(output.height_agl, 1));
     setText(this.sd, plusMinus(output.sd, 1));
     setText(this.source, output.valid ? `by ${title(output.sensor)}` : "");
-    showValidity(output, [this.value, this.sd], this.verdict);
+    showValidity(output, [this.value, this.sd], this.validity);
   }
 
   // Protection level of the altitude above the ellipsoid, which is compared with the terrain.
@@ -122,11 +122,11 @@ class Sensor {
     this.raw = h("b", { "data-testid": `${id}-raw` }, "–");
     this.ground = h("span", { class: "ground", "data-testid": `${id}-ground` });
     this.remark = h("span", { class: "remark", "data-testid": `${id}-remark` });
-    this.verdict = h("span", { class: "verdict", "data-testid": `${id}-verdict` });
+    this.validity = h("span", { class: "validity", "data-testid": `${id}-validity` });
     this.root = h(
       "div",
       { class: "sensor", "data-testid": id },
-      h("div", { class: "label" }, h("strong", {}, this.swatch, title(name)), this.remark, this.verdict),
+      h("div", { class: "label" }, h("strong", {}, this.swatch, title(name)), this.remark, this.validity),
       h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), this.sd),
       h("div", { class: "raw" }, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m")),
       this.ground,
@@ -140,6 +140,6 @@ class Sensor {
     setText(this.raw, fixed(output.raw, 1));
     setText(this.ground, overGround(output));
     setText(this.remark, isNumber(output.predicted) ? uncheckedOf(output) : "");
-    showValidity(output, [this.value, this.sd, this.raw], this.verdict);
+    showValidity(output, [this.value, this.sd, this.raw], this.validity);
   }
 }

@@ -36,13 +36,13 @@ export class Integrity {
     setText(this.reference, output?.reference ? `reference ${output.reference.slice(0, 8)}` : "");
   }
 
-  #showState(output, kind, verdict) {
+  #showState(output, kind, validity) {
     const state = output?.state ?? "none";
     setAttribute(this.block, "data-state", kind === "stale" ? "stale" : state);
     setText(this.word, output ? (WORDS[state] ?? state.toUpperCase()) : "NO DATA");
     setClass(this.word, "struck", kind === "stale");
     const words = output?.reasons_text.join(", ") || output?.state_text || "no output of navigation yet";
-    setText(this.text, kind === "stale" ? verdict : words);
+    setText(this.text, kind === "stale" ? validity : words);
   }
 }
 

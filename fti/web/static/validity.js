@@ -10,11 +10,11 @@ export function describe(output) {
   return { text: "VALID", kind: "valid" };
 }
 
-// Strike the values and write the verdict.
-export function showValidity(output, values, verdict) {
+// Strike the values and write the validity.
+export function showValidity(output, values, validity) {
   const { text, kind } = describe(output);
   for (const value of values) setClass(value, "struck", kind === "stale" || kind === "invalid");
-  setText(verdict, text);
-  setAttribute(verdict, "data-kind", kind);
-  setAttribute(verdict, "title", text);
+  setText(validity, text);
+  setAttribute(validity, "data-kind", kind);
+  setAttribute(validity, "title", text);
 }

@@ -25,7 +25,7 @@ from fti.logger.verify import file_check as proof_file
 from fti.logger.verify.gap_check import GapNotes
 from fti.logger.verify.ledger import LedgerReader
 from fti.logger.verify.ledger_check import LedgerCheck
-from fti.logger.verify.report import CheckVerdict, VerifyReport
+from fti.logger.verify.report import CheckResult, VerifyReport
 from fti.logger.verify.sequence_check import SequenceCheck
 from fti.logger.verify.verification import verify
 from tests.logger.small_session import STARTED, TURN, Recorder, Table, make, open_log, time_of
@@ -84,10 +84,10 @@ def once(parent: Path, **keys: Any) -> VerifyReport:
         shutil.rmtree(folder.path)
 
 
-def check(report: VerifyReport, name: str) -> tuple[CheckVerdict, list[str]]:
-    """Verdict and sentences of one check."""
-    result = next(c for c in report.checks if c.name == name)
-    return result.verdict, [text for _, text in result.lines]
+def check(report: VerifyReport, name: str) -> tuple[CheckResult, list[str]]:
+    """Result and sentences of one check."""
+    found = next(c for c in report.checks if c.name == name)
+    return found.result, [text for _, text in found.lines]
 
 
 # ------------------------------------------------------------------------------------------------------- what holds
@@ -96,8 +96,8 @@ def check(report: VerifyReport, name: str) -> tuple[CheckVerdict, list[str]]:
 def test_a_whole_session_holds(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     make(folder)
     report = report_on(folder)
-    assert report.findings == [] and report.verdict is CheckVerdict.OK
-    assert {c.verdict for c in report.checks} == {CheckVerdict.OK}
+    assert report.findings == [] and report.result is CheckResult.OK
+    assert {c.result for c in report.checks} == {CheckResult.OK}
     assert (report.numbered, report.missing, report.files, report.ledgers) == (FRAMES, 0, 3, 11)
     assert main(["verify", str(folder.path)]) == 0
     text = capsys.readouterr().out
@@ -121,7 +121,7 @@ def test_a_copy_of_a_recovery_is_not_whole_where_a_checksum_did_not_hold(folder:
     for session, out in ((folder.path, tmp_path / "copy"), (tmp_path / "copy", tmp_path / "again")):
         extract_session(session, out, print)
         report = verify(Recording.open(out))
-        assert report.verdict is CheckVerdict.LOSS
+        assert report.result is CheckResult.LOSS
         assert any("messages had no valid checksum" in text for text in report.findings)
 
 
@@ -151,7 +151,7 @@ def test_a_single_file_is_verified_as_far_as_it_goes(folder: SessionFolder) -> N
         assert report.holds, report.findings
         assert report.ledgers >= 2
     text = check(verify(Recording.open(folder.files("raw")[1])), "recorders")
-    assert text[0] is CheckVerdict.NOTE and "it continued in another file" in text[1][0]
+    assert text[0] is CheckResult.NOTE and "it continued in another file" in text[1][0]
 
 
 def test_what_navigation_lost_is_reported(folder: SessionFolder) -> None:
@@ -161,7 +161,7 @@ def test_what_navigation_lost_is_reported(folder: SessionFolder) -> None:
     log.close()
     report = report_on(folder)
     assert report.holds
-    assert check(report, "gaps") == (CheckVerdict.NOTE, ["03:04:05.000: 17 frames were overwritten"])
+    assert check(report, "gaps") == (CheckResult.NOTE, ["03:04:05.000: 17 frames were overwritten"])
 
 
 def test_without_a_ledger_only_the_sequence_is_verified(folder: SessionFolder) -> None:
@@ -170,7 +170,7 @@ def test_without_a_ledger_only_the_sequence_is_verified(folder: SessionFolder) -
         log.write_tick(seq, time_of(seq))
     log.close()
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.LOSS and report.findings == [NO_LEDGER]
+    assert report.result is CheckResult.LOSS and report.findings == [NO_LEDGER]
 
 
 def test_a_time_without_ticks_is_reported(folder: SessionFolder) -> None:
@@ -178,7 +178,7 @@ def test_a_time_without_ticks_is_reported(folder: SessionFolder) -> None:
     for seq, t_s in enumerate((0.0, 0.02, 2.5, 2.52)):
         log.write_tick(seq, STARTED + round(t_s * 1e9))
     log.close()
-    assert check(report_on(folder), "ticks") == (CheckVerdict.NOTE, ["none for 2.48 s from 03:04:05.020 on"])
+    assert check(report_on(folder), "ticks") == (CheckResult.NOTE, ["none for 2.48 s from 03:04:05.020 on"])
 
 
 def test_numbers_in_two_files_count_once(folder: SessionFolder) -> None:
@@ -190,9 +190,9 @@ def test_numbers_in_two_files_count_once(folder: SessionFolder) -> None:
         recorder.write(seq)
     recorder.run(100).end()
     report = report_on(folder)
-    assert check(report, "sequence")[0] is CheckVerdict.NOTE
+    assert check(report, "sequence")[0] is CheckResult.NOTE
     assert "6 numbers occur in two files" in check(report, "sequence")[1][0]
-    assert check(report, "ledger")[0] is CheckVerdict.OK
+    assert check(report, "ledger")[0] is CheckResult.OK
 
 
 def test_ledgers_that_stand_on_two_media_count_once(folder: SessionFolder) -> None:
@@ -205,7 +205,7 @@ def test_ledgers_that_stand_on_two_media_count_once(folder: SessionFolder) -> No
         recorder.log.write_json("/fti/ledger", note["t_ns"], note)
     recorder.run(100).end()
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.OK, report.findings
+    assert report.result is CheckResult.OK, report.findings
     assert report.ledgers == 5
 
 
@@ -219,7 +219,7 @@ def test_what_a_ledger_leaves_out_is_under_proof_too(folder: SessionFolder) -> N
     ledgers = often(folder)
     assert sum(len(json.loads(data)["links"]) < 3 for _, data in ledgers) > 200
     report = report_on(folder)
-    assert (report.verdict, report.ledgers) == (CheckVerdict.OK, len(ledgers)), report.findings
+    assert (report.result, report.ledgers) == (CheckResult.OK, len(ledgers)), report.findings
     for path in folder.files("raw"):
         assert verify(Recording.open(path)).holds
 
@@ -231,7 +231,7 @@ def test_a_frame_that_is_taken_away_is_found_though_ledgers_leave_out_its_link(p
     often(folder, removed=[removed])
     report = report_on(folder)
     shutil.rmtree(folder.path)
-    assert (report.verdict, report.missing) == (CheckVerdict.REFUTED, 1)
+    assert (report.result, report.missing) == (CheckResult.REFUTED, 1)
 
 
 def test_a_ledger_that_a_damage_took_does_not_refute_those_behind_it(folder: SessionFolder) -> None:
@@ -260,15 +260,15 @@ def test_ledgers_of_a_failed_medium_count_once_though_the_next_file_begins_with_
         recorder.log.write_json("/fti/ledger", note["t_ns"], note)
     recorder.run(100, ledger_every=2).end()
     report = report_on(folder)
-    assert (report.verdict, report.ledgers) == (CheckVerdict.OK, 101), report.findings
+    assert (report.result, report.ledgers) == (CheckResult.OK, 101), report.findings
 
 
 def test_a_place_that_is_given_twice_is_looked_at_once(folder: SessionFolder, tmp_path: Path) -> None:
     make(folder)
     (tmp_path / "again").symlink_to(folder.path)
     report = verify(Recording.open(folder.path, tmp_path / "again", folder.files("raw")[0]))
-    assert (report.files, report.verdict) == (len(folder.files("raw")), CheckVerdict.OK)
-    assert check(report, "sequence")[0] is CheckVerdict.OK
+    assert (report.files, report.result) == (len(folder.files("raw")), CheckResult.OK)
+    assert check(report, "sequence")[0] is CheckResult.OK
 
 
 def test_ledgers_of_a_silent_link_do_not_wait_for_it(folder: SessionFolder) -> None:
@@ -293,7 +293,7 @@ def test_ledgers_of_a_silent_link_do_not_wait_for_it(folder: SessionFolder) -> N
 @settings(max_examples=25 * SCALE)
 def test_frames_that_are_taken_away_are_found(parent: Path, removed: set[int]) -> None:
     report = once(parent, removed=removed)
-    assert report.verdict is CheckVerdict.REFUTED
+    assert report.result is CheckResult.REFUTED
     assert report.missing == len(removed)
 
 
@@ -310,7 +310,7 @@ def test_every_number_of_a_ledger_is_verified(parent: Path, which: int, choice: 
             changed.append((key, note))
 
     report = once(parent, doctor=doctor, socket=3, lost=range(120, 140))
-    assert changed and report.verdict is CheckVerdict.REFUTED, changed
+    assert changed and report.result is CheckResult.REFUTED, changed
 
 
 def numbers_in(table: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
@@ -343,8 +343,8 @@ def test_a_file_that_is_missing_is_named(folder: SessionFolder) -> None:
     make(folder)
     folder.files("raw")[1].unlink()
     report = report_on(folder)
-    assert check(report, "splits") == (CheckVerdict.REFUTED, ["raw files 1 are missing"])
-    assert check(report, "sequence")[0] is CheckVerdict.REFUTED
+    assert check(report, "splits") == (CheckResult.REFUTED, ["raw files 1 are missing"])
+    assert check(report, "sequence")[0] is CheckResult.REFUTED
     assert main(["verify", str(folder.path)]) == 1
 
 
@@ -389,7 +389,7 @@ def test_error_frames_are_counted_again(folder: SessionFolder) -> None:
 
     make(folder, doctor=doctor)
     assert check(report_on(folder), "ledger") == (
-        CheckVerdict.REFUTED, ["/raw/bus: 17 error frames, the ledger states 18"],
+        CheckResult.REFUTED, ["/raw/bus: 17 error frames, the ledger states 18"],
     )  # fmt: skip
 
 
@@ -425,7 +425,7 @@ def test_a_note_of_a_gap_that_says_nothing_is_reported(spoil: bytes) -> None:
 def test_dropped_frames_are_a_loss_with_its_reason(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     make(folder, lost=range(100, 112), socket=2)
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.LOSS
+    assert report.result is CheckResult.LOSS
     assert "12 numbers are missing: 100-111 " in report.findings[0]
     assert "/raw/radar: 2 frames (23 bytes) were dropped: buffer_overflow" in report.findings
     assert "/raw/ins: 2 frames were dropped: socket_queue" in report.findings
@@ -451,29 +451,29 @@ def test_refused_stamps_are_a_loss_and_those_of_several_recorders_are_added(fold
     Recorder(open_log(folder), 0, doctor=_refusing(10)).run(200).end()  # five ledgers
     Recorder(open_log(folder), 200, doctor=_refusing(1)).run(100).end()  # three
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.LOSS
-    verdict, lines = check(report, "stamps")
-    assert verdict is CheckVerdict.LOSS
+    assert report.result is CheckResult.LOSS
+    result, lines = check(report, "stamps")
+    assert result is CheckResult.LOSS
     assert lines == ["/raw/ins: 53 frames have the time at which they were read: the kernel's timestamps were refused"]
-    assert check(report, "ledger")[0] is CheckVerdict.OK
+    assert check(report, "ledger")[0] is CheckResult.OK
 
 
 def test_a_single_file_reports_the_stamps_that_were_refused_in_it(folder: SessionFolder) -> None:
     Recorder(open_log(folder), 0, doctor=_refusing(10)).run(200).end()
     Recorder(open_log(folder), 200).run(100).end()
     first, *_, last = (check(verify(Recording.open(path)), "stamps")[0] for path in folder.files("raw"))
-    assert (first, last) == (CheckVerdict.LOSS, CheckVerdict.OK)
+    assert (first, last) == (CheckResult.LOSS, CheckResult.OK)
 
 
-@pytest.mark.parametrize(("frames", "verdict"), [(4, CheckVerdict.OK), (13, CheckVerdict.REFUTED)])
-def test_notes_of_gaps_must_fit_the_holes(folder: SessionFolder, frames: int, verdict: CheckVerdict) -> None:
+@pytest.mark.parametrize(("frames", "result"), [(4, CheckResult.OK), (13, CheckResult.REFUTED)])
+def test_notes_of_gaps_must_fit_the_holes(folder: SessionFolder, frames: int, result: CheckResult) -> None:
     recorder = Recorder(open_log(folder), 0, lost=range(100, 112)).run(200)
     span = {"first_seq": 100, "last_seq": 111, "first_t_ns": time_of(100), "last_t_ns": time_of(111)}
     about = {"t_ns": time_of(112), "kind": "buffer_overflow", "link": "ins", "frames": frames, "bytes": 0}
     recorder.log.write_json("/fti/gap", time_of(112), {**about, **span, "text": "dropped"})
     recorder.end()
     report = report_on(folder)
-    assert check(report, "gaps")[0] is verdict
+    assert check(report, "gaps")[0] is result
     assert "notes of gaps for 12" in check(report, "sequence")[1][0]
 
 
@@ -486,7 +486,7 @@ def kill_and_go_on(folder: SessionFolder, held: tuple[int, ...], again: int) -> 
 def test_what_a_killed_recorder_received_and_never_wrote_is_reported(folder: SessionFolder) -> None:
     kill_and_go_on(folder, held=(215, 218, 219), again=222)
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.LOSS and report.missing == 5
+    assert report.result is CheckResult.LOSS and report.missing == 5
     assert check(report, "sequence")[1] == [
         "5 numbers are missing: 215, 218-221 (03:04:07.140 to 03:04:07.220); they were received and never written"
     ]
@@ -498,15 +498,15 @@ def test_what_a_killed_recorder_received_and_never_wrote_is_reported(folder: Ses
 def test_a_seam_without_a_hole_is_reported(folder: SessionFolder) -> None:
     kill_and_go_on(folder, held=(), again=220)
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.LOSS and report.missing == 0
-    assert check(report, "sequence")[0] is check(report, "ledger")[0] is CheckVerdict.OK
+    assert report.result is CheckResult.LOSS and report.missing == 0
+    assert check(report, "sequence")[0] is check(report, "ledger")[0] is CheckResult.OK
     assert "it assigned 20 more numbers, none is missing" in check(report, "recorders")[1][0]
 
 
 def test_frames_that_a_killed_recorder_had_written_are_verified_to_its_last_ledger(folder: SessionFolder) -> None:
     Recorder(open_log(folder), 0, removed=[150]).run(220).kill()
     Recorder(open_log(folder), 220).run(100).end()
-    assert report_on(folder).verdict is CheckVerdict.REFUTED
+    assert report_on(folder).result is CheckResult.REFUTED
 
 
 def test_accounts_of_several_recorders_are_added(folder: SessionFolder) -> None:
@@ -535,14 +535,14 @@ def test_a_power_cut_is_reported_before_and_after_the_repair(
 def test_what_the_medium_took_no_more_is_a_loss_of_the_end(folder: SessionFolder) -> None:
     make(folder, held=range(490, 500))
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.LOSS and report.missing == 10
+    assert report.result is CheckResult.LOSS and report.missing == 10
     assert "/raw/ins: 3 frames (26 bytes) were dropped: storage" in report.findings
 
 
 def test_a_session_that_is_being_recorded_is_reported(folder: SessionFolder) -> None:
     recorder = Recorder(open_log(folder), 0).run(230)
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.LOSS
+    assert report.result is CheckResult.LOSS
     assert f"{folder.files('raw')[-1].name}: is being written" in report.findings
     assert "the session is being recorded" in check(report, "recorders")[1][0]
     recorder.end()
@@ -563,7 +563,7 @@ def test_a_file_that_grows_while_it_is_verified_is_not_refuted(
 
         patch.setattr(StreamReader, "__init__", late)
         report = report_on(folder)
-        assert report.verdict is CheckVerdict.LOSS, report.findings
+        assert report.result is CheckResult.LOSS, report.findings
     with monkeypatch.context() as patch:
 
         def patched(source: TolerantFile, at: int) -> ChunkHead | None:
@@ -572,7 +572,7 @@ def test_a_file_that_grows_while_it_is_verified_is_not_refuted(
 
         patch.setattr(proof_file, "chunk_head", patched)
         report = report_on(folder)
-        assert report.verdict is CheckVerdict.LOSS, report.findings
+        assert report.result is CheckResult.LOSS, report.findings
     recorder.end()
     assert report_on(folder).holds
 
@@ -595,7 +595,7 @@ def test_snapshots_are_copies(folder: SessionFolder) -> None:
     make(folder)
     snapshot(folder, range(150, 350))
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.OK, report.findings
+    assert report.result is CheckResult.OK, report.findings
     text = next(c for c in report.checks if c.name == "snapshots").text
     assert text == "1 files with 200 numbered messages; 200 are in raw files too, identical"
 
@@ -613,10 +613,10 @@ def test_a_snapshot_alone_is_verified_as_far_as_it_goes(folder: SessionFolder, t
     snapshot(folder, [*range(30, 40), *range(30, 40)])
     good, bad = folder.files("snapshot")
     report = verify(Recording.open(shutil.copy(good, tmp_path / "flutter.mcap")))
-    assert (report.verdict, report.numbered, report.missing) == (CheckVerdict.OK, 200, 0)
+    assert (report.result, report.numbered, report.missing) == (CheckResult.OK, 200, 0)
     assert report.accounts[0].recorded.frames > 0
     assert "no raw file: " in check(report, "splits")[1][0]
-    assert verify(Recording.open(bad)).verdict is CheckVerdict.REFUTED
+    assert verify(Recording.open(bad)).result is CheckResult.REFUTED
 
 
 def test_a_raw_file_of_mode_snapshot_alone_is_not_refuted(folder: SessionFolder, tmp_path: Path) -> None:
@@ -626,23 +626,23 @@ def test_a_raw_file_of_mode_snapshot_alone_is_not_refuted(folder: SessionFolder,
     Recorder(log, 0, removed=frames).run(100).end()
     snapshot(folder, frames, metadata={"fti": {"mode": "snapshot"}})
     report = report_on(folder)
-    assert report.verdict is CheckVerdict.OK, report.findings
+    assert report.result is CheckResult.OK, report.findings
     assert "SNAPSHOT" in check(report, "snapshots")[1][0]
     report = verify(Recording.open(folder.files("raw")[0]))
-    assert report.verdict is CheckVerdict.OK, report.findings
+    assert report.result is CheckResult.OK, report.findings
     assert "SNAPSHOT" in check(report, "snapshots")[1][0]
     folder.files("snapshot")[0].unlink()
-    assert report_on(folder).verdict is CheckVerdict.REFUTED
+    assert report_on(folder).result is CheckResult.REFUTED
 
 
 def test_a_session_without_its_raw_files_is_not_whole(folder: SessionFolder) -> None:
     """What navigation made again from other files is."""
-    for metadata, verdict in (({}, CheckVerdict.LOSS), ({"fti": {"reprocessed": "true"}}, CheckVerdict.OK)):
+    for metadata, result in (({}, CheckResult.LOSS), ({"fti": {"reprocessed": "true"}}, CheckResult.OK)):
         log = DerivedLog(folder, LogSettings(split_s=2, split_mb=100, metadata=metadata))
         log.write_table("/fti/gap", STARTED, {"t_ns": STARTED, "text": "late"})
         log.close()
         report = report_on(folder)
-        assert report.verdict is verdict, report.findings
+        assert report.result is result, report.findings
         folder.files("derived")[0].unlink()
 
 
