@@ -8,12 +8,14 @@ a child can be spawned before its startup message is known, and loads its librar
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
+import signal
 import socket
 import threading
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -149,12 +151,16 @@ def send_startup(sock: socket.socket, startup: bytes, ring_fds: tuple[int, int])
         os.close(fd)
 
 
-def await_startup(control_fd: int, receives: Any) -> tuple[ControlChannel, bytes, tuple[int, int]] | None:
+def await_startup(argv: Sequence[str] | None, receives: Any) -> tuple[ControlChannel, bytes, tuple[int, int]] | None:
     """In a child: wait for the startup message; channel, message, ring descriptors; None without a supervisor.
 
-    receives : see ``ControlChannel``
+    argv : of the program;  receives : see ``ControlChannel``
     """
-    sock = socket.socket(fileno=control_fd)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--control-fd", type=int, required=True)
+    for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
+        signal.signal(number, signal.SIG_IGN)
+    sock = socket.socket(fileno=parser.parse_args(argv).control_fd)
     mark, fds, _, _ = socket.recv_fds(sock, len(STARTUP_MARK), 3)
     if mark != STARTUP_MARK:
         return None

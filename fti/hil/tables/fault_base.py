@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from fti.config import Name, StrictModel
 from fti.hil.tables.quantity_names import parse
@@ -30,22 +30,24 @@ def key(description: str, unit: str, example: Any = None) -> Any:
     )
 
 
-Table = TypeVar("Table", bound=StrictModel)
+class EffectiveFault(StrictModel):
+    """A fault that has an effect.  one_not_zero : keys that must not all be zero"""
 
+    one_not_zero: ClassVar[tuple[str, ...]] = ()
 
-def require_nonzero(table: Table, *names: str) -> Table:
-    """The table.  Raises ValueError if all these keys are zero: the fault would have no effect."""
-    values = [getattr(table, name) for name in names]
-    if not any(any(value) if isinstance(value, tuple) else value for value in values):
-        raise ValueError(f"one of {', '.join(names)} must not be 0")
-    return table
+    @model_validator(mode="after")
+    def _check_not_zero(self) -> Self:
+        values = [getattr(self, name) for name in self.one_not_zero]
+        if values and not any(any(value) if isinstance(value, tuple) else value for value in values):
+            raise ValueError(f"one of {', '.join(self.one_not_zero)} must not be 0")
+        return self
 
 
 FromS = Annotated[NotNegative, key("start of the fault, time of the flight", "s", 30.0)]
 ToS = Annotated[NotNegative, key("end of the fault, time of the flight", "s", 36.0)]
 
 
-class DeviceFault(StrictModel):
+class DeviceFault(EffectiveFault):
     """A fault of devices in an interval of the flight."""
 
     devices: Annotated[

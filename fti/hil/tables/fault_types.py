@@ -8,9 +8,9 @@ docs/faults.md print these classes: the docstring says what the fault is, every 
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fti.config import Positive, StrictModel
 from fti.hil.tables.fault_base import (
@@ -18,6 +18,7 @@ from fti.hil.tables.fault_base import (
     ONE,
     UNIT_OF_QUANTITY,
     DeviceFault,
+    EffectiveFault,
     FromS,
     LinkFault,
     MessageFault,
@@ -26,7 +27,6 @@ from fti.hil.tables.fault_base import (
     Share,
     ToS,
     key,
-    require_nonzero,
 )
 
 ShiftM = Annotated[float, Field(ge=-1000, le=1000)]
@@ -108,7 +108,7 @@ class OffTrack(StrictModel):
     turn_s: Annotated[Positive, key("time in which it leaves the track, and in which it returns", "s")] = 20.0
 
 
-class TerrainShift(StrictModel):
+class TerrainShift(EffectiveFault):
     """The elevation model of the unit under test is displaced or in another datum, for the whole flight.
 
     The ground below the aircraft is the elevation model, moved the other way. An approach reference that was made from
@@ -119,10 +119,7 @@ class TerrainShift(StrictModel):
     north_m: Annotated[ShiftM, key("displacement of the elevation model to the north", "m")] = 0.0
     east_m: Annotated[ShiftM, key("displacement of the elevation model to the east", "m")] = 0.0
     up_m: Annotated[ShiftM, key("displacement of the elevation model upwards", "m", 20.0)] = 0.0
-
-    @model_validator(mode="after")
-    def _check_not_zero(self) -> Self:
-        return require_nonzero(self, "north_m", "east_m", "up_m")
+    one_not_zero = ("north_m", "east_m", "up_m")
 
 
 # ------------------------------------------------------------------------------------- of what a device measures
@@ -259,10 +256,7 @@ class GnssRamp(DeviceFault):
         NotNegative, key("acceleration from rest to the rate; 0: the full rate at once", "m/s^2", 0.1)
     ] = 0.0
     with_velocity: Annotated[bool, key("the stated velocity contains the rate", NO_UNIT)] = True
-
-    @model_validator(mode="after")
-    def _check_not_zero(self) -> Self:
-        return require_nonzero(self, "north_mps", "east_mps", "up_mps")
+    one_not_zero = ("north_mps", "east_mps", "up_mps")
 
 
 class SwappedCoordinates(DeviceFault):
@@ -292,10 +286,7 @@ class LeverArm(DeviceFault):
     forward_m: Annotated[ArmM, key("true place ahead of the configured one", "m", 5.0)] = 0.0
     right_m: Annotated[ArmM, key("true place right of the configured one", "m")] = 0.0
     down_m: Annotated[ArmM, key("true place below the configured one", "m")] = 0.0
-
-    @model_validator(mode="after")
-    def _check_not_zero(self) -> Self:
-        return require_nonzero(self, "forward_m", "right_m", "down_m")
+    one_not_zero = ("forward_m", "right_m", "down_m")
 
 
 class AttitudeOffset(DeviceFault):
@@ -305,10 +296,7 @@ class AttitudeOffset(DeviceFault):
     roll_deg: Annotated[TurnDeg, key("added to the roll angle, positive: right wing down", "deg")] = 0.0
     pitch_deg: Annotated[TiltDeg, key("added to the pitch angle, positive: nose up", "deg")] = 0.0
     heading_deg: Annotated[TurnDeg, key("added to the heading, positive: clockwise", "deg", 10.0)] = 0.0
-
-    @model_validator(mode="after")
-    def _check_not_zero(self) -> Self:
-        return require_nonzero(self, "roll_deg", "pitch_deg", "heading_deg")
+    one_not_zero = ("roll_deg", "pitch_deg", "heading_deg")
 
 
 class InertialBias(DeviceFault):
@@ -323,10 +311,7 @@ class InertialBias(DeviceFault):
     accel_mg: Annotated[
         Axes, key("step of the accelerometer biases x, y, z; 1 mg is 0.00980665 m/s^2", "mg", [0.0, 0.0, 5.0])
     ] = (0.0, 0.0, 0.0)
-
-    @model_validator(mode="after")
-    def _check_not_zero(self) -> Self:
-        return require_nonzero(self, "gyro_degph", "accel_mg")
+    one_not_zero = ("gyro_degph", "accel_mg")
 
 
 class Latency(DeviceFault):

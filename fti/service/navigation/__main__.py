@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import signal
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -25,14 +23,8 @@ NOT_COMPILED = "the session ended while navigation was compiled (first start onl
 
 def main(argv: Sequence[str] | None = None) -> int:
     """``python -m fti.service.navigation``: started by the supervisor alone."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--control-fd", type=int, required=True)
-    args = parser.parse_args(argv)
-    for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
-        signal.signal(number, signal.SIG_IGN)
     _end_before_recorder()
-    received = await_startup(args.control_fd, ToNavigation)
-    if received:
+    if received := await_startup(argv, ToNavigation):
         channel, text, ring_fds = received
         startup = NavigationStartup.model_validate_json(text)
         set_file_mode(int(startup.config.session.file_mode, 8))

@@ -7,12 +7,10 @@ numba, zenoh, aiohttp, drivers or navigation; a test checks this.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import contextlib
 import gc
 import os
-import signal
 import sys
 from collections.abc import Sequence
 
@@ -30,14 +28,8 @@ PRIORITY = -10
 
 def main(argv: Sequence[str] | None = None) -> int:
     """``python -m fti.service.recorder``: started by the supervisor alone."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--control-fd", type=int, required=True)
-    args = parser.parse_args(argv)
-    for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
-        signal.signal(number, signal.SIG_IGN)
     _ask_for_priority()
-    received = await_startup(args.control_fd, ToRecorder)
-    if received:
+    if received := await_startup(argv, ToRecorder):
         channel, text, ring_fds = received
         startup = RecorderStartup.model_validate_json(text)
         set_file_mode(int(startup.config.session.file_mode, 8))
