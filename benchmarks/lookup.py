@@ -24,8 +24,8 @@ from scipy.ndimage import map_coordinates
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Targets, machine
-from fti.terrain.kernel_warmup import warm_up
 from fti.terrain.terrain import Terrain
+from tests.terrain_kernels import warm_up
 
 Array = NDArray[np.float64]
 ROUNDS = 5

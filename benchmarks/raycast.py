@@ -34,9 +34,9 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Targets, machine
-from fti.terrain.kernel_warmup import warm_up
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
+from tests.terrain_kernels import warm_up
 
 Array = NDArray[np.float64]
 Caster = Callable[[Array, Array, int], Array]

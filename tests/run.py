@@ -40,9 +40,9 @@ WARM_UP = """
 from fti import config
 from fti.nav.inertial import strapdown
 from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
-from fti.terrain import kernel_warmup
+from tests.terrain_kernels import warm_up
 
-kernel_warmup.warm_up(), strapdown.warm_up(), ensure_kernels_compiled(config.load("configs/demo.toml"))
+warm_up(), strapdown.warm_up(), ensure_kernels_compiled(config.load("configs/demo.toml"))
 """
 PASSED, FAILED, INTERRUPTED, NO_TESTS = 0, 1, 130, 5
 #: So many failed tests of a part are run again; of the flights, which two tests judge each, twice as many.

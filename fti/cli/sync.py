@@ -38,8 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from fti.new_file import write_new_file
     from fti.post.reprocess import other_setup, recorded_setup
     from fti.post.sync import analyse
-    from fti.post.sync_page import page
-    from fti.post.sync_report import as_json, as_text
+    from fti.post.sync_report import as_json, as_text, page
     from fti.post.time_base import check_output_path, write
 
     session = Path(args.session)

@@ -8,7 +8,7 @@ from numba import __version__ as numba_version
 
 from fti import kernel
 from fti.terrain import ray_cast, surface
-from fti.terrain.kernel_warmup import warm_up
+from tests.terrain_kernels import warm_up
 
 #: The class ``fti.terrain.pyramid.Renamed``, which is not there: pickle refers to a class by its name.
 MISSING_CLASS = b"cfti.terrain.pyramid\nRenamed\n."

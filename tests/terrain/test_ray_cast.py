@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fti.terrain.kernel_warmup import warm_up
 from fti.terrain.nearest_ray import cast_bundle_min
 from fti.terrain.pyramid import slot
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
+from tests.terrain_kernels import warm_up
 
 Array = NDArray[np.float64]
 Long = NDArray[np.longdouble]
