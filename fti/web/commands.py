@@ -15,15 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fti.messages.control import (
-    CommandProgress,
-    FromPage,
-    PageAcknowledgement,
-    PageCommand,
-    PageMark,
-    ToDisplay,
-    UsableDevices,
-)
+from fti.messages import control
 from fti.messages.tables import to_table
 
 MAX_TEXT_CHARS = 200
@@ -38,7 +30,7 @@ CHECK = "check"
 WITHOUT_KEY = "view only; to control: fti page"
 WRONG_KEY = "the key is old; to control: fti page"
 #: Sends a command to the daemon; False when it cannot be reached.
-Send = Callable[[FromPage], bool]
+Send = Callable[[control.FromPage], bool]
 
 
 MAX_REQUESTS = 20
@@ -55,12 +47,12 @@ class CommandStatus:
         self._devices: list[Any] = []
         self._requests: dict[tuple[str, int], Mapping[str, Any]] = {}
 
-    def update(self, message: ToDisplay) -> None:
+    def update(self, message: control.ToDisplay) -> None:
         """Handle a message of the supervisor."""
-        if isinstance(message, UsableDevices):
+        if isinstance(message, control.UsableDevices):
             self._devices = to_table(message.devices)
             self.version += bool(self._devices)
-        elif isinstance(message, CommandProgress):
+        elif isinstance(message, control.CommandProgress):
             self._requests[message.id, message.t_ns] = to_table(message)  # a denied one may have no id
             if len(self._requests) > MAX_REQUESTS:
                 del self._requests[next(iter(self._requests))]
@@ -134,15 +126,15 @@ class CommandGate:
         return True
 
 
-def read_mark(command: Mapping[str, Any], user: str) -> PageMark | str:
+def read_mark(command: Mapping[str, Any], user: str) -> control.PageMark | str:
     """The message to the daemon for a mark, or its error.  user : user of the browser"""
     text, name = clean_text(command.get("text")), command["command"]
     if not isinstance(name, str) or name not in MARKS or text is None:
         return UNKNOWN_COMMAND
-    return fault_of_mark(text) or PageMark(text, user, MARKS[name])
+    return fault_of_mark(text) or control.PageMark(text, user, MARKS[name])
 
 
-def read_device_command(command: Mapping[str, Any], user: str) -> PageCommand | str:
+def read_device_command(command: Mapping[str, Any], user: str) -> control.PageCommand | str:
     """The message to the daemon for a command to a device, ``{device, name, args, request}``, or its error.
 
     request : identifier chosen by the page for each click; the daemon sends a repetition only once
@@ -153,15 +145,15 @@ def read_device_command(command: Mapping[str, Any], user: str) -> PageCommand | 
     args = command.get("args")
     if not isinstance(args, dict) or not all(isinstance(text, str) for text in (*texts.values(), *args.values())):
         return UNKNOWN_COMMAND
-    return PageCommand(**texts, args=args, who=user)
+    return control.PageCommand(**texts, args=args, who=user)
 
 
-def read_acknowledgement(command: Mapping[str, Any], user: str) -> PageAcknowledgement | str:
+def read_acknowledgement(command: Mapping[str, Any], user: str) -> control.PageAcknowledgement | str:
     """The message to the daemon for the acknowledgement of an alarm, or of all (None), or its error."""
     alarm_id = command.get("alarm")
     if alarm_id is not None and not (isinstance(alarm_id, str) and len(alarm_id) <= MAX_TEXT_CHARS):
         return UNKNOWN_COMMAND
-    return PageAcknowledgement(alarm_id, user)
+    return control.PageAcknowledgement(alarm_id, user)
 
 
 #: Reader of each command; all others are marks.

@@ -35,19 +35,12 @@ from fti.config import StrictModel
 from fti.drivers import Command
 from fti.drivers._arguments import check_complete, number_or_nan
 from fti.drivers.deflection_pickups import service as wire
+from fti.drivers.deflection_pickups import table
 from fti.drivers.deflection_pickups.decoder import Decoder
 from fti.drivers.deflection_pickups.encoder import MAX_RATE_HZ, MIN_RATE_HZ, Encoder
 from fti.drivers.deflection_pickups.factory_calibration import factory_tables
 from fti.drivers.deflection_pickups.layout import Pickup, PickupBus, read_bus
 from fti.drivers.deflection_pickups.service import Service
-from fti.drivers.deflection_pickups.table import (
-    MAX_DEG,
-    MAX_RAW,
-    MIN_DEG,
-    read_degrees,
-    read_raw,
-    read_tables,
-)
 
 DOCUMENT = "Spiegel 2018, tables 6.1 and 6.2, figures 6.14 and 6.15; CANaerospace 1.7, section 4; layout by DBC"
 MESSAGES = {
@@ -61,8 +54,8 @@ MESSAGES = {
 }
 CARRIERS = frozenset({"can"})
 _SURFACE = "control surface or pilot's control, as the DBC names it: elevator, flaps, stick_aileron and so on"
-_RAW = f"raw count of the point, 0 to {MAX_RAW}"
-_DEG = f"deflection [deg], {MIN_DEG} to {MAX_DEG}, kept to 0.01"
+_RAW = f"raw count of the point, 0 to {table.MAX_RAW}"
+_DEG = f"deflection [deg], {table.MIN_DEG} to {table.MAX_DEG}, kept to 0.01"
 COMMANDS = {
     "insert_point": Command("add a point to a table", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
     "modify_point": Command("change the deflection of a point", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
@@ -95,13 +88,13 @@ class Options(StrictModel):
 def make_decoder(options: Options) -> Decoder:
     """A fresh decoder.  Raises ValueError for a wrong DBC or calibration."""
     bus = _bus(options)
-    return Decoder(bus, read_tables(options.calibration, _all_surfaces(options)), options.silent_after)
+    return Decoder(bus, table.read_tables(options.calibration, _all_surfaces(options)), options.silent_after)
 
 
 def make_encoder(options: Options) -> Encoder:
     """The nodes; those without a table in the calibration have the default (``factory_calibration``)."""
     bus = _bus(options)
-    return Encoder(bus, factory_tables(bus.sensors) | read_tables(options.calibration, _all_surfaces(options)))
+    return Encoder(bus, factory_tables(bus.sensors) | table.read_tables(options.calibration, _all_surfaces(options)))
 
 
 #: Only the calibration tables are requested.
@@ -154,7 +147,7 @@ def _sensor(bus: PickupBus, surface: str) -> Pickup:
 
 def _point_request(service: int) -> Request:
     def request(_: PickupBus, sensor: Pickup, args: Mapping[str, str]) -> Service:
-        point = wire.pack_point(read_raw(args["raw"]), read_degrees(args.get("deg", "0")))
+        point = wire.pack_point(table.read_raw(args["raw"]), table.read_degrees(args.get("deg", "0")))
         return Service(sensor.node_id, service, sensor.number, wire.POINT_TYPE, point)
 
     return request

@@ -22,17 +22,10 @@ from numpy.typing import NDArray
 from fti.arrays import Array
 from fti.config import Approach
 from fti.errors import ConfigError, MissingError
+from fti.hil.approach_reference import profile
 from fti.hil.approach_reference.approaches import AltimeterModel
 from fti.hil.approach_reference.calibration import calibrate
 from fti.hil.approach_reference.options import WINDOW_M, Progress, ReferenceOptions, TaskRunner, run_serially
-from fti.hil.approach_reference.profile import (
-    DS_M,
-    Surface,
-    bin_means,
-    correlation_length,
-    lagged_products,
-    surface_of,
-)
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.session_config import recorded_config
 from fti.logger.reading.json_message import parse_table, using_message
@@ -75,7 +68,7 @@ class RecordedGround:
 
     path: ApproachPath
     altimeter: AltimeterModel
-    surface: Surface
+    surface: profile.Surface
     correlation: float
 
     def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
@@ -92,12 +85,12 @@ def reference_from_recordings(
     *, run_all: TaskRunner = run_serially,
 ) -> ApproachReference:  # fmt: skip
     """The reference of recorded profiles, shape (n, len(grid)), n >= 5, from ``profiles_of``."""
-    bare = RecordedGround(path, altimeter, Surface(*(np.zeros(0) for _ in range(4))), 0.0)
-    surface = surface_of(bare, grid(DS_M, plan.s_max), profiles, _mean_profile(profiles))
+    bare = RecordedGround(path, altimeter, profile.Surface(*(np.zeros(0) for _ in range(4))), 0.0)
+    surface = profile.surface_of(bare, grid(profile.DS_M, plan.s_max), profiles, _mean_profile(profiles))
     residuals = (profiles - surface.z_ref) / surface.s_ref
     residuals -= np.nanmean(residuals, axis=1, keepdims=True)
-    products = [lagged_products(residual[np.isfinite(residual)]) for residual in residuals]
-    correlation = correlation_length(np.sum(products, axis=0))
+    products = [profile.lagged_products(residual[np.isfinite(residual)]) for residual in residuals]
+    correlation = profile.correlation_length(np.sum(products, axis=0))
     return calibrate(RecordedGround(path, altimeter, surface, correlation), surface, plan, progress, run_all)
 
 
@@ -122,11 +115,11 @@ def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
     a window or more in total; it may be aborted.
     Raises ConfigError for fewer than five approaches, or if fewer than three have a height at a place.
     """
-    s = grid(DS_M, s_max)
+    s = grid(profile.DS_M, s_max)
     every = [_profile(s, one, s_max) for one in passes]
     begins = [float(np.max(s[np.isfinite(z)], initial=0.0)) for z in every]
     bins = (s >= 0.0) & (s <= s_max)
-    usable = [z for z in every if np.isfinite(z[-1]) and np.isfinite(z[bins]).sum() * DS_M >= WINDOW_M]
+    usable = [z for z in every if np.isfinite(z[-1]) and np.isfinite(z[bins]).sum() * profile.DS_M >= WINDOW_M]
     if len(usable) < MIN_APPROACHES:
         raise ConfigError(
             f"only {len(usable)} of {len(passes)} recorded passes start {s_max:g} m before the intercept point and "
@@ -139,7 +132,7 @@ def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
 
 def _profile(s: Array, one: Pass, s_max: float) -> Array:
     """The terrain of one approach at the places of the profile [m]; NaN in gaps, and before and after the flight."""
-    z = bin_means(s, one.s, one.z)
+    z = profile.bin_means(s, one.s, one.z)
     known = (s >= 0.0) & (s <= s_max) & np.isfinite(z)
     if not known.any():
         return np.full_like(s, np.nan)

@@ -6,14 +6,8 @@ import zlib
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from fti.logger.reading import record_cursor
 from fti.logger.reading.mcap_file import FOOTER_BYTES
-from fti.logger.reading.record_cursor import (
-    chunk_index_fields,
-    footer_fields,
-    indexed_record,
-    message_count,
-    record_id,
-)
 from fti.logger.reading.record_validation import valid_records
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, MAGIC, Op
@@ -56,7 +50,7 @@ def read_summary_index(source: TolerantFile) -> SummaryIndex | None:
     foot = source.read(foot_at, FOOTER_BYTES) if foot_at >= 0 else b""
     if foot[: HEAD.size] != HEAD.pack(Op.FOOTER, 20) or not foot.endswith(MAGIC):
         return None
-    start, crc = footer_fields(foot)
+    start, crc = record_cursor.footer_fields(foot)
     searched_at = max(0, source.size - _MAX_SEARCH_BYTES)
     block = source.read(searched_at, source.size - searched_at)
     at = len(block) - FOOTER_BYTES
@@ -76,16 +70,16 @@ def _parse(source: TolerantFile, summary: SummaryIndex, begin: int, end: int) ->
     for op, at, parsed in valid_records(source, begin, end):
         record = source.read(at, parsed - at)
         if op == Op.SCHEMA:
-            summary.schemas[record_id(record)] = record
+            summary.schemas[record_cursor.record_id(record)] = record
         elif op == Op.CHANNEL:
-            summary.channels[record_id(record)] = record
+            summary.channels[record_cursor.record_id(record)] = record
         elif op == Op.STATISTICS:
-            summary.messages = message_count(record)
+            summary.messages = record_cursor.message_count(record)
         elif op == Op.CHUNK_INDEX:
-            fields = chunk_index_fields(record)
+            fields = record_cursor.chunk_index_fields(record)
             summary.chunks.append(ChunkLocation(fields.offset, *fields.times))
         elif op in (Op.ATTACHMENT_INDEX, Op.METADATA_INDEX):
-            offset, name = indexed_record(record)
+            offset, name = record_cursor.indexed_record(record)
             summary.others.append(offset)
             summary.named[name] = offset
     return summary if parsed == end else None

@@ -9,16 +9,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from fti import devices
 from fti.clock import FakeClock
 from fti.config import Config, Link
-from fti.devices import (
-    bind_devices,
-    check_alert_limits,
-    check_inertial,
-    check_reference,
-    link_transmissions,
-    read_texts,
-)
 from fti.errors import ConfigError
 from fti.links import open_link
 from fti.logger.session import CONFIG_ATTACHMENT
@@ -38,11 +31,11 @@ class ValidatedConfig:
         self._config = config
         self._epoch_ns = epoch_ns
         realtime.check(config)
-        self._texts = read_texts(config)
-        self.devices = bind_devices(config, self._texts)
-        check_inertial(config, self.devices)
-        check_alert_limits(config)
-        check_reference(config, self._texts)
+        self._texts = devices.read_texts(config)
+        self.devices = devices.bind_devices(config, self._texts)
+        devices.check_inertial(config, self.devices)
+        devices.check_alert_limits(config)
+        devices.check_reference(config, self._texts)
         for link in config.link:
             _check_link(config, link)
 
@@ -87,7 +80,7 @@ class ValidatedConfig:
         return startup.model_dump_json().encode()
 
     def _link_startup(self, link: str) -> LinkStartup:
-        sending = link_transmissions(link, self.devices)
+        sending = devices.link_transmissions(link, self.devices)
         return LinkStartup(
             on_connect=tuple(data.hex() for data in sending.on_connect),
             polls=tuple((period, data.hex()) for period, data in sending.polls),

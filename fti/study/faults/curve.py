@@ -26,14 +26,7 @@ from matplotlib.figure import Figure
 from fti.arrays import Array
 from fti.nav.separation.monitor import K_FA_SATELLITES
 from fti.plot_style import label_axes, new_figure, write_figure
-from fti.study.faults.detectability import (
-    AGE_OF_SEVERAL_S,
-    AGE_S,
-    K_MD,
-    filter_response,
-    level_ratio,
-    separation_sds,
-)
+from fti.study.faults import detectability
 
 GRADES = ("navigation", "tactical", "mems")
 #: Maximum age of the oldest copy [s].
@@ -53,9 +46,9 @@ class Curve(NamedTuple):
 def smallest(grade: str) -> Curve:
     """Curve of a grade of inertial unit with one receiver."""
     t = np.arange(MAX_AGE_S + 1.0)
-    sds = separation_sds(grade, MAX_AGE_S)
-    ramp = filter_response(grade, np.stack((t, np.ones_like(t)), axis=1))
-    acceleration = filter_response(grade, np.stack((0.5 * t**2, t), axis=1))
+    sds = detectability.separation_sds(grade, MAX_AGE_S)
+    ramp = detectability.filter_response(grade, np.stack((t, np.ones_like(t)), axis=1))
+    acceleration = detectability.filter_response(grade, np.stack((0.5 * t**2, t), axis=1))
     ages = np.arange(RENEWALS, MAX_AGE_S + 1, RENEWALS)
     found = np.array(
         [[smallest_detected(response, sds, int(age)) for response in (ramp, acceleration)] for age in ages]
@@ -71,15 +64,17 @@ def smallest_detected(response: Array, sds: Array, age_s: int) -> float:
     step = age_s // RENEWALS
     t = np.arange(1, age_s - step + 1)
     largest = float(np.max(np.abs(response[t]) / sds[t + step - 1], initial=0.0))
-    return (K_FA_SATELLITES + K_MD) / largest if largest > 0.0 else np.inf
+    return (K_FA_SATELLITES + detectability.K_MD) / largest if largest > 0.0 else np.inf
 
 
 def table() -> str:
     """Smallest faults at the configured age of the oldest copy, their error by then, and HPL without a fault."""
     titles = ("unit", "oldest copy [s]", "ramp [m/s]", "error by then [m]", "acceleration [m/s^2]", "error by then [m]")
     rows = [f"| {' | '.join((*titles, 'HPL [sigma]'))} |", "|---|---|---|---|---|---|---|"]
-    rows += [_row(grade, grade, AGE_S[grade]) for grade in GRADES]
-    rows += [_row(f"{grade}, all of several receivers", grade, AGE_OF_SEVERAL_S[grade]) for grade in GRADES]
+    rows += [_row(grade, grade, detectability.AGE_S[grade]) for grade in GRADES]
+    rows += [
+        _row(f"{grade}, all of several receivers", grade, detectability.AGE_OF_SEVERAL_S[grade]) for grade in GRADES
+    ]
     return "\n".join(rows)
 
 
@@ -87,7 +82,7 @@ def _row(title: str, grade: str, age: int) -> str:
     found, at = smallest(grade), age // RENEWALS - 1
     ramp, acceleration = float(found.ramp[at]), float(found.acceleration[at])
     errors = ramp * age, 0.5 * acceleration * age**2
-    level = level_ratio(grade, age)
+    level = detectability.level_ratio(grade, age)
     return f"| {title} | {age} | {ramp:.2f} | {errors[0]:.0f} | {acceleration:.3f} | {errors[1]:.0f} | {level:.1f} |"
 
 
@@ -98,7 +93,7 @@ def draw() -> Figure:
     )
     axes = figure.subplots(1, 2)
     for grade in GRADES:
-        curve, at = smallest(grade), AGE_S[grade] // RENEWALS - 1
+        curve, at = smallest(grade), detectability.AGE_S[grade] // RENEWALS - 1
         for axis, values in zip(axes, (curve.ramp, curve.acceleration), strict=True):
             (line,) = axis.loglog(curve.ages, values, label=grade)
             axis.plot(curve.ages[at], values[at], "o", color=line.get_color())

@@ -9,17 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fti.plot_style import BLUE, GREY, ORANGE, VERMILION, add_legend, label_axes, new_figure
+from fti.study.faults import experiment
 from fti.study.faults.cells import CELLS, SHARP, Cell, SensorFault
 from fti.study.faults.detectability import is_detectable
-from fti.study.faults.experiment import (
-    AircraftGroup,
-    FaultOutcome,
-    FlightTask,
-    TaskOutcome,
-    nominal_flight,
-    share,
-    strike_through,
-)
 from fti.study.faults.product import LIMITS, Product, SolutionRecord, errors_n
 
 GRADES = ("navigation", "tactical")
@@ -53,10 +45,10 @@ def ramp(seed: int) -> Figure:
 
 def _through(seed: int, cell: Cell) -> tuple[SolutionRecord, np.ndarray]:
     """Solutions of a nominal flight up to the fault and through it, and their horizontal error."""
-    task = FlightTask(seed, 0, AircraftGroup.of(cell), (), ONSET_S)
-    nominal, product = nominal_flight(task), Product(cell)
+    task = experiment.FlightTask(seed, 0, experiment.AircraftGroup.of(cell), (), ONSET_S)
+    nominal, product = experiment.nominal_flight(task), Product(cell)
     before = product.fly(nominal.between(0.0, ONSET_S))
-    flight, after = strike_through(product, nominal, cell, ONSET_S, task)
+    flight, after = experiment.strike_through(product, nominal, cell, ONSET_S, task)
     record = SolutionRecord(
         np.concatenate((before.rows, after.rows)), (*before.events, *after.events), after.calibration
     )
@@ -64,9 +56,9 @@ def _through(seed: int, cell: Cell) -> tuple[SolutionRecord, np.ndarray]:
     return record, np.hypot(errors[:, 0], errors[:, 1])
 
 
-def cells(found: Sequence[TaskOutcome], limit: float) -> Figure:
+def cells(found: Sequence[experiment.TaskOutcome], limit: float) -> Figure:
     """MI of every cell, legs and turns together; cells of the table are marked.  limit : of each [1]"""
-    merged = dict[Cell, list[FaultOutcome]]()
+    merged = dict[Cell, list[experiment.FaultOutcome]]()
     for fault in (fault for task in found for fault in task.faults):
         merged.setdefault(replace(CELLS[fault.cell], pattern="legs"), []).append(fault)
     kinds = sorted({_kind(cell) for cell in merged}, reverse=True)
@@ -79,7 +71,7 @@ def cells(found: Sequence[TaskOutcome], limit: float) -> Figure:
     for cell, faults in merged.items():
         colour = BLUE if is_detectable(cell) else GREY
         axes.plot(
-            max(NONE, share(faults)), kinds.index(_kind(cell)), "o", ms=6.0, color=colour, alpha=0.7,
+            max(NONE, experiment.share(faults)), kinds.index(_kind(cell)), "o", ms=6.0, color=colour, alpha=0.7,
             mfc=colour if is_detectable(cell) else "none",
         )  # fmt: skip
     axes.axvline(limit, color=VERMILION, lw=0.9)

@@ -8,15 +8,8 @@ import numpy as np
 
 from fti.arrays import Array, Rng
 from fti.study import StudyResult
+from fti.study.robust_altimeter import experiment
 from fti.study.robust_altimeter.channel import FAULT_STEPS, INSTANTS, ITERATIONS, PHYSICAL, PRINTED, expected_error
-from fti.study.robust_altimeter.experiment import (
-    LOCKOUT_S,
-    OFFSET_M,
-    ChannelScores,
-    FaultJumps,
-    FlightSets,
-    flight_scores,
-)
 from fti.study.robust_altimeter.flights import VerticalFlight
 from fti.study.statistics import RESAMPLINGS, mean_interval, rms
 
@@ -61,7 +54,7 @@ def judge_table_1(drawn: Array, left: Array) -> list[StudyResult]:
     ]  # fmt: skip
 
 
-def judge_faults(name: str, found: FaultJumps, seed: int) -> list[StudyResult]:
+def judge_faults(name: str, found: experiment.FaultJumps, seed: int) -> list[StudyResult]:
     """T26 in one variant: worst of the four faults."""
     plain, robust, runs = found.plain, found.robust, found.plain.shape[1]
     ratio = min(_min_ratio(p, r, np.random.default_rng([seed, 3])) for p, r in zip(plain, robust, strict=True))
@@ -96,7 +89,7 @@ def _upper(values: Array, share: float) -> float:
     return float(np.sort(values)[min(k, n - 1)])
 
 
-def judge_consistency(name: str, found: ChannelScores, seed: int) -> list[StudyResult]:
+def judge_consistency(name: str, found: experiment.ChannelScores, seed: int) -> list[StudyResult]:
     """Judge by the criteria in the module docstring."""
     rms = np.sqrt(np.mean(found.normal**2, axis=1)).ravel()
     low, high = float(rms.min()), float(rms.max())
@@ -133,21 +126,21 @@ def _judge_band(
 
 def judge_lockout(runs: int, bounded: int, ever: int) -> list[StudyResult]:
     """Runs that recover with bounded and with unlimited refusal."""
-    words = f"runs of {runs} within 3 sigma, 25 s after a step of {OFFSET_M:g} m"
+    words = f"runs of {runs} within 3 sigma, 25 s after a step of {experiment.OFFSET_M:g} m"
     return [
         StudyResult.at_least(
-            "L.bounded", f"{words}: refusal bounded by {LOCKOUT_S:g} s", bounded, MIN_RECOVERED * runs / 100
+            "L.bounded", f"{words}: refusal bounded by {experiment.LOCKOUT_S:g} s", bounded, MIN_RECOVERED * runs / 100
         ),
         StudyResult.reported("L.ever", f"{words}: refusal for ever", ever),
     ]
 
 
-def judge_flights(sets: FlightSets, seed: int) -> list[StudyResult]:
+def judge_flights(sets: experiment.FlightSets, seed: int) -> list[StudyResult]:
     """F: matched and richer truth, and without an altimeter."""
-    ratio = rms(flight_scores(sets.rich).normal)
+    ratio = rms(experiment.flight_scores(sets.rich).normal)
     words = f"RMS of error over sigma, richer truth, {len(sets.rich)} flights"
     return [
-        *judge_consistency("F.honest", flight_scores(sets.matched), seed)[:4],
+        *judge_consistency("F.honest", experiment.flight_scores(sets.matched), seed)[:4],
         StudyResult.at_most("F.rich", words, ratio, MAX_RICH_RATIO),
         _flight_error("F.error", "height, eight minutes without satellites", sets.matched),
         _flight_error("F.rich_error", "the same, richer truth", sets.rich),
