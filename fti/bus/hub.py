@@ -59,14 +59,14 @@ class Hub:
         self._alive: Counter[str] = Counter()
         self._too_large: set[str] = set()
         self._warnings, self._period_end_s = 0, 0.0
-        self._ending = False
+        self.is_ending = False
         self._selector = selectors.EpollSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         self._selector.register(self._wake, selectors.EVENT_READ)
 
     def publish(self, topic: str, payload: bytes) -> None:
         """Publish a message of the supervisor, from any thread; never blocks.  Warns if it is too large."""
-        if self._ending:
+        if self.is_ending:
             return
         try:
             self._own.append(make_frame(topic, payload))
@@ -76,14 +76,9 @@ class Hub:
                 self._warn(str(error))
         os.eventfd_write(self._wake, 1)
 
-    @property
-    def is_ending(self) -> bool:
-        """``end`` was called."""
-        return self._ending
-
     def end(self) -> None:
         """Make ``serve`` return after the queued messages."""
-        self._ending = True
+        self.is_ending = True
         os.eventfd_write(self._wake, 1)
 
     def close(self) -> None:
@@ -99,7 +94,7 @@ class Hub:
     def serve(self) -> None:
         """Forward messages until ``end``; may be called again after an exception."""
         while True:
-            ending = self._ending  # messages published before are still sent
+            ending = self.is_ending  # messages published before are still sent
             for key, events in self._selector.select(timeout=0 if ending else None):
                 if isinstance(key.data, _Client):
                     self._handle_client(key.data, events)

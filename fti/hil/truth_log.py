@@ -95,19 +95,14 @@ class TruthRows:
         self.rates, self.intended = rates or {}, intended
         t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
         self.t = t[t <= until_s]
-        self._columns = _columns(world, self.t)
+        self.columns = _columns(world, self.t)  # shape (n,) as t; NaN where a value is unknown
         for device in altimeters:
             bounds = world.range_bounds(self.t, device, POSITION_TOLERANCE_M)
-            self._columns |= {prefix + device.name: column for prefix, column in zip(RANGES, bounds, strict=True)}
-
-    @property
-    def columns(self) -> Mapping[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
-        """Every column by its name, shape (n,) as ``t``; NaN where a value is unknown."""
-        return self._columns
+            self.columns |= {prefix + device.name: column for prefix, column in zip(RANGES, bounds, strict=True)}
 
     def row(self, k: int) -> dict[str, float]:
         """The finite values of row k."""
-        values = {name: float(column[k]) for name, column in self._columns.items()}
+        values = {name: float(column[k]) for name, column in self.columns.items()}
         return {name: value for name, value in values.items() if math.isfinite(value)}
 
 

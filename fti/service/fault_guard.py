@@ -12,6 +12,8 @@ from collections.abc import Awaitable, Callable
 from types import TracebackType
 
 FailureHandler = Callable[[str, Exception], None]
+#: Level, source and text of an event.
+ReportEvent = Callable[[str, str, str], None]
 
 FIRST_DELAY_S = 0.1
 MAX_DELAY_S = 5.0

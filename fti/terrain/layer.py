@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fti.arrays import Array
-
-Numbers = NDArray[np.uint8]
+from fti.arrays import Array, Codes
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +26,7 @@ class Layer:
     cell_m: float
     east0: float
     north0: float
-    origin: Numbers | None = None
+    origin: Codes | None = None
 
     def __post_init__(self) -> None:
         posts = np.ascontiguousarray(self.heights, dtype=np.float64)

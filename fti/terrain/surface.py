@@ -19,12 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.arrays import Array
+from fti.arrays import Array, Ints
 from fti.geodesy.formulas import bilinear
 from fti.kernel import kernel
 from fti.terrain.layer import Layer
 
-Whole = NDArray[np.int64]
 Records = NDArray[np.void]
 
 #: A point within this distance outside a layer is on its edge [cells]: rounding errors of computed points.
@@ -119,7 +118,7 @@ def slopes(p: Posts, east: Array, north: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def nearest_posts(p: Posts, east: Array, north: Array) -> tuple[Whole, Whole]:
+def nearest_posts(p: Posts, east: Array, north: Array) -> tuple[Ints, Ints]:
     """The layer of each point (n,) and its nearest post, counted within the layer; -1 outside of all layers."""
     layers = p.layers
     numbers, posts = np.full(len(east), -1, np.int64), np.full(len(east), -1, np.int64)

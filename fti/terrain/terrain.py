@@ -20,9 +20,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from fti.arrays import Array
+from fti.arrays import Array, Codes
 from fti.geodesy.local import LocalFrame
 from fti.kernel import flatten
 from fti.terrain import surface
@@ -32,8 +32,6 @@ from fti.terrain.pyramid import Pyramid, build_pyramid
 from fti.terrain.ray_cast import cast_rays
 from fti.terrain.resampling import ResamplingError
 from fti.terrain.seams import check_stack
-
-Numbers = NDArray[np.uint8]
 
 #: The point above a latitude and longitude moves with its height by d h / R; each step divides the error by > 1000.
 _HEIGHT_STEPS = 4
@@ -118,7 +116,7 @@ class Terrain:
         normal = np.stack((-slope_east, -slope_north, np.ones_like(slope_east)), axis=-1)
         return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
-    def source(self, east: ArrayLike, north: ArrayLike) -> Numbers:
+    def source(self, east: ArrayLike, north: ArrayLike) -> Codes:
         """Number of the source of the nearest post at east, north [m]; ``NO_SOURCE`` where ``up`` is NaN."""
         shape, (to_east, to_north) = flatten(east, north)
         of_layer, posts = surface.nearest_posts(self.posts, to_east, to_north)
@@ -161,7 +159,7 @@ class Terrain:
 
     def trace(
         self, origin: ArrayLike, directions: ArrayLike, max_range: float, pool: Executor | None = None
-    ) -> tuple[Array, Numbers]:
+    ) -> tuple[Array, Codes]:
         """Ranges as from ``cast``, and the outcome of each ray: numbers of ``RayOutcome``, same shape.
 
         A ray that passes over a hole ends there at any height, because obstacles in the hole are unknown.  Rays may

@@ -61,16 +61,11 @@ class McapFile:
         self.fault: str | None = None
         self._topics: dict[int, McapChannel] = {}
         self._sizes = DeclaredSizes()
-        self._at = 0
+        self.position = 0  # bytes read so far
 
     def is_finished(self) -> bool:
         """Does the file end with a footer?"""
         return has_footer(self.path)
-
-    @property
-    def position(self) -> int:
-        """Bytes read so far."""
-        return self._at
 
     def head(self) -> Head:
         """Metadata and attachments before the first chunk."""
@@ -101,7 +96,7 @@ class McapFile:
                         data = content.read(source) if op == Op.CHUNK else content
                         yield from filter(None, self._walk(data))
                 except (ValueError, struct.error) as error:
-                    self.fault = _fault(self._at, error)
+                    self.fault = _fault(self.position, error)
                     break
         if self.fault and not self.fault.startswith(_STOPPED) and not self.is_finished():
             yield from self._unfinished()
@@ -109,7 +104,7 @@ class McapFile:
     def _unfinished(self) -> Iterator[list[McapMessage]]:
         """Messages of the last chunk of a file that was cut off, when the checksum in its head does not match."""
         with TolerantFile(self.path) as source:
-            at = self._at
+            at = self.position
             for record in valid_records(source, at, source.size):
                 if record.op not in (Op.PADDING, Op.CHECKPOINTS):
                     break
@@ -129,7 +124,7 @@ class McapFile:
 
     def _records(self, source: TolerantFile) -> Iterator[tuple[int, Any]]:
         """Opcode and content of the records outside of chunks; sets ``fault`` where they end early."""
-        self.fault, self._at, self._sizes = None, 0, DeclaredSizes()
+        self.fault, self.position, self._sizes = None, 0, DeclaredSizes()
         try:
             for record in _read_records(source):
                 if record.op in _PARSERS:
@@ -138,11 +133,11 @@ class McapFile:
                     elif record.op == Op.ATTACHMENT:
                         self._sizes.attachment(record.end - record.at)
                     yield record.op, _PARSERS[record.op](source, record)
-                self._at = record.end
+                self.position = record.end
         except EOFError:
-            self.fault = f"ends after byte {self._at} without a footer: it is being written, or was cut off"
+            self.fault = f"ends after byte {self.position} without a footer: it is being written, or was cut off"
         except (ValueError, struct.error) as error:
-            self.fault = _fault(self._at, error)
+            self.fault = _fault(self.position, error)
 
     def _declare(self, channel: record_cursor.ChannelFields) -> None:
         table = channel.metadata

@@ -14,14 +14,12 @@ from typing import Protocol
 import numpy as np
 
 from fti.arrays import Array
-from fti.geodesy.formulas import ecef_from_geodetic
+from fti.geodesy.formulas import Vector, ecef_from_geodetic
 from fti.nav.filter import antenna
+from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.error_states import Extra
 from fti.nav.filter.estimate import Estimate
 from fti.nav.inertial.ins_error_model import POS, TURN
-
-Vector = tuple[float, float, float]
-Matrices = tuple[Array, Array, Array]
 
 AT_P: Vector = (0.0, 0.0, 0.0)
 #: At a smaller cosine of the incidence (84 deg) a range does not determine a height.

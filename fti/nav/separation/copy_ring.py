@@ -37,50 +37,45 @@ class CopyRing:
     def __init__(self, removed_names: frozenset[str], tested_names: frozenset[str], settings: RingSettings) -> None:
         self.removed_names, self.tested_names = removed_names, tested_names
         self._settings = settings
-        self._copies: deque[FilterCopy] = deque(maxlen=settings.copies)
-
-    @property
-    def copies(self) -> Sequence[FilterCopy]:
-        """The oldest one first."""
-        return self._copies
+        self.copies: deque[FilterCopy] = deque(maxlen=settings.copies)  # the oldest one first
 
     @property
     def oldest(self) -> FilterCopy | None:
         """The copy that has run longest without its sources."""
-        return self._copies[0] if self._copies else None
+        return self.copies[0] if self.copies else None
 
     @property
     def is_full(self) -> bool:
         """Whether all its copies exist."""
-        return len(self._copies) == self._settings.copies
+        return len(self.copies) == self._settings.copies
 
     def clear(self) -> None:
         """Remove all copies."""
-        self._copies.clear()
+        self.copies.clear()
 
     def keep_oldest(self) -> None:
         """Remove all copies but the oldest one."""
-        while len(self._copies) > 1:
-            self._copies.pop()
+        while len(self.copies) > 1:
+            self.copies.pop()
 
     def advance(self, pieces: Sequence[Piece]) -> None:
         """Follow the filter through a segment."""
-        for number, copy in enumerate(self._copies):
+        for number, copy in enumerate(self.copies):
             copy.advance(pieces, self.tested_names if number == 0 else frozenset())
 
     def renew(self, moment: Moment, *, keep_oldest: bool = False) -> None:
         """Add a copy if one is due; it replaces the oldest one, or with ``keep_oldest`` the second one."""
         step_ns, t_ns = self._settings.step_ns, moment.estimate.t_ns
-        if not self._copies or (step_ns is not None and t_ns - self._copies[-1].began_ns >= step_ns):
+        if not self.copies or (step_ns is not None and t_ns - self.copies[-1].began_ns >= step_ns):
             if keep_oldest and self.is_full:
-                del self._copies[1]
-            self._copies.append(FilterCopy.begin(moment, self.removed_names))
+                del self.copies[1]
+            self.copies.append(FilterCopy.begin(moment, self.removed_names))
 
     def drop_before(self, t_ns: int) -> None:
         """Remove copies that began before a time."""
-        while self._copies and self._copies[0].began_ns < t_ns:
-            self._copies.popleft()
+        while self.copies and self.copies[0].began_ns < t_ns:
+            self.copies.popleft()
 
     def separations(self, moment: Moment) -> list[Separation]:
         """Of the filter from each copy, the oldest one first."""
-        return [separate(moment.estimate, copy.estimate) for copy in self._copies]
+        return [separate(moment.estimate, copy.estimate) for copy in self.copies]

@@ -106,7 +106,7 @@ class VerticalChannel:
         self._last_ns: dict[str, int] = {}
         self._accepted_ns: dict[str, int] = {}
         self._confirmations = 0
-        self._altimeter_refused = False
+        self.altimeter_refused = False  # the newest height was outside the confidence region
         self._ground_sd = 0.0
 
     # ----------------------------------------------------------------------------------------------------------- inputs
@@ -173,11 +173,6 @@ class VerticalChannel:
 
     # ---------------------------------------------------------------------------------------------------------- outputs
 
-    @property
-    def altimeter_refused(self) -> bool:
-        """Whether the newest height of the altimeter was outside the confidence region."""
-        return self._altimeter_refused
-
     def last_accepted_ns(self, aiding: HeightAiding) -> int | None:
         """Time of the last accepted height of this aiding; None: never."""
         return self._accepted_ns.get(aiding)
@@ -239,7 +234,7 @@ class VerticalChannel:
 
     def _end(self, t_ns: int) -> None:
         self._channel = self._filter = None
-        self._imu_ns, self._altimeter_refused = t_ns, False
+        self._imu_ns, self.altimeter_refused = t_ns, False
         self._last_ns.clear()
         self._accepted_ns.clear()
 
@@ -268,7 +263,7 @@ class VerticalChannel:
     def _record(self, aiding: str, t_ns: int, innovation: Innovation) -> None:
         assert self._channel is not None and self._filter is not None
         if aiding == HeightAiding.ALTIMETER:
-            self._altimeter_refused = not bool(innovation.accepted)
+            self.altimeter_refused = not bool(innovation.accepted)
         if bool(innovation.accepted):
             self._accepted_ns[aiding] = t_ns
             self._confirmations += 1

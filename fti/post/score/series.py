@@ -12,12 +12,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.arrays import Array, Mask
+from fti.arrays import Array, Ints, Mask
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.recording import Recording
 
 Scalar = TypeVar("Scalar", bound=np.generic)
-Times = NDArray[np.int64]
 
 #: Maximum log time [ns].
 MAX_LOG_TIME_NS = 2**62
@@ -32,7 +31,7 @@ class TopicSeries:
     """
 
     topic: str
-    log_ns: Times
+    log_ns: Ints
     rows: Sequence[dict[str, Any]]
     repeated: int = 0
     _columns: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -41,7 +40,7 @@ class TopicSeries:
         return len(self.rows)
 
     @cached_property
-    def valid_ns(self) -> Times:
+    def valid_ns(self) -> Ints:
         """Time of validity of each message [ns], shape (n,): its stamp, else its log time."""
         times = (row.get("t_valid_ns") or _stamp(row).get("t_valid_ns") or _time_ns(row) for row in self.rows)
         pairs = zip(times, self.log_ns.tolist(), strict=True)

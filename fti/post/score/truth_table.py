@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fti.arrays import Array
+from fti.arrays import Array, Ints
 from fti.constants import SECOND_NS
 from fti.errors import MissingError
 from fti.hil.truth_log import TOPIC
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import McapFile, McapMessage
 
-Times = NDArray[np.int64]
 #: Angles that pass through half a turn [rad].
 CIRCULAR = ("heading", "roll", "lon")
 
@@ -30,7 +28,7 @@ class TruthTable:
     has none; units and frames as ``fti.hil.truth_log.QUANTITIES`` states them
     """
 
-    t_ns: Times
+    t_ns: Ints
     columns: Mapping[str, Array]
 
     @classmethod
@@ -58,11 +56,11 @@ class TruthTable:
         """From the first row to the last one [s]."""
         return float(self.t_ns[-1] - self.t_ns[0]) / SECOND_NS
 
-    def seconds(self, t_ns: Times) -> Array:
+    def seconds(self, t_ns: Ints) -> Array:
         """Time of the flight [s], shape as t_ns."""
         return np.asarray((t_ns - self.t_ns[0]) / SECOND_NS, dtype=np.float64)
 
-    def at(self, name: str, t_ns: Times) -> Array:
+    def at(self, name: str, t_ns: Ints) -> Array:
         """A quantity at FTI times [ns], linear between rows, shape as t_ns; angles are unwrapped.
 
         NaN next to a row without it, outside the flight, and where the truth has no such quantity.

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from fti.clock import SystemClock
 from fti.constants import SECOND_NS
 from fti.messages.control import ClockStepNotice
 from fti.messages.notes import ClockRecord
 from fti.messages.topics import note_message
+from fti.service.fault_guard import ReportEvent
+from fti.service.recorder.log_source import RecordNote
 
-#: Topic, FTI time [ns] and content of a note.
-RecordNote = Callable[[str, int, dict[str, Any]], None]
 Send = Callable[[ClockStepNotice], object]
-#: Level, source and text of an event.
-ReportEvent = Callable[[str, str, str], None]
 
 
 def report_clocks(clock: SystemClock, record_note: RecordNote, report_event: ReportEvent, send: Send) -> None:

@@ -11,10 +11,9 @@ from fti.links.base import LinkStatus
 from fti.logger.raw_log import RawLog
 from fti.logger.storage import StorageState
 from fti.messages.health import StorageHealth
+from fti.service.fault_guard import ReportEvent
 from fti.service.recorder.log_writer import LogWriter
 
-#: Level, source and text of an event.
-ReportEvent = Callable[[str, str, str], None]
 LEVELS = {StorageState.ERROR: "error", StorageState.GONE: "error"}
 
 

@@ -10,13 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fti.arrays import Array
+from fti.arrays import Array, Codes
 from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.files.elevation_file import ElevationFile, nearest_turn
-
-Numbers = NDArray[np.uint8]
 
 #: Maximum misalignment of two files on one lattice, over all posts [post distances].
 _ALIGNED = 0.01
@@ -31,7 +28,7 @@ class PostWindow:
     """
 
     heights: Array
-    origin: Numbers
+    origin: Codes
     row: int
     column: int
 
@@ -54,7 +51,7 @@ class Mosaic:
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """Numbers of its files."""
+        """Codes of its files."""
         return tuple(number for number, *_ in self._tiles)
 
     def add_if_aligned(self, number: int, file: ElevationFile) -> bool:

@@ -22,17 +22,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.arrays import Array
+from fti.arrays import Array, Codes
 from fti.geodesy.geoid import Geoid
 from fti.geodesy.local import LocalFrame
 from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.files.mosaic import Mosaic, PostWindow
 from fti.terrain.files.tangent import HALF, PostBlock
 
-Numbers = NDArray[np.uint8]
 Extent = tuple[int, int]
 Places = tuple[Array, Array]
-Posts = tuple[Array, Numbers]
+Posts = tuple[Array, Codes]
 
 #: Tolerance of the solution [m] and maximum steps; at a wall of a city model it may not converge.
 _MAX_STEP_M, _MAX_STEPS = 1e-6, 10
@@ -107,7 +106,7 @@ def needed_posts(mosaic: Mosaic, block: PostBlock) -> tuple[Extent, Extent] | No
 
 def _solve(
     block: PostBlock, mosaic: Mosaic, window: PostWindow, geoid: Geoid | None, lon0: float
-) -> tuple[Array, Numbers]:
+) -> tuple[Array, Codes]:
     """``up`` of the posts of a block and the source of each; NaN and NO_SOURCE where the window has none."""
     known = np.isfinite(window.heights)
     mean = window.heights[known].mean()

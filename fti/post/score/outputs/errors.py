@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fti.arrays import Array
+from fti.arrays import Array, Ints
 from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import metres_per_radian
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import FILTER, FIX, GLIDE, HEIGHT_BELOW, LOCATION, VALIDITY, VERTICAL
 from fti.hil.tables.limits import ScoreLimits
-from fti.post.score.series import Times, TopicSeries
+from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
 #: Outputs that must state a sigma with each value that has a sigma field.
@@ -62,7 +62,7 @@ class Comparison:
     ) -> None:
         self._series, self._truth, self._limits, self._stated = series, truth, limits, stated
         self._horizontal_m = max(limits.horizontal_m, fix_m) if series.topic == FIX else limits.horizontal_m
-        self._t: Times = series.valid_ns
+        self._t: Ints = series.valid_ns
         self._arm_n = self._arm_ned(arm_b)
 
     def errors(self) -> list[QuantityError]:

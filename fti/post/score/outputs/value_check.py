@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.arrays import Array
+from fti.arrays import Array, Ints
 from fti.hil.oracle.output_effects import Interval, interval_mask
 from fti.hil.tables.quantity_names import NAME_FIELDS
 from fti.hil.truth_log import MEASUREMENT
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import McapFile
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
-from fti.post.score.series import Times, TopicSeries
+from fti.post.score.series import TopicSeries
 
 #: Decoded samples within this time of the intended value are compared with it [ns].
 MATCH_WINDOW_NS = 500_000_000
@@ -39,7 +39,7 @@ MIN_COUNT = 5
 CIRCULAR = ("heading", "track", "lon")
 
 #: Of one device: name of the number -> times [ns] and values.
-IntendedValues = Mapping[str, tuple[Times, Array]]
+IntendedValues = Mapping[str, tuple[Ints, Array]]
 
 
 def read_intended_values(truth_file: Path) -> dict[str, IntendedValues]:
@@ -53,7 +53,7 @@ def read_intended_values(truth_file: Path) -> dict[str, IntendedValues]:
     return {device: {name: _columns(pairs) for name, pairs in of.items()} for device, of in rows.items()}
 
 
-def _columns(pairs: Sequence[tuple[int, float]]) -> tuple[Times, Array]:
+def _columns(pairs: Sequence[tuple[int, float]]) -> tuple[Ints, Array]:
     times, values = zip(*pairs, strict=True)
     return np.array(times, dtype=np.int64), np.array(values)
 
@@ -107,7 +107,7 @@ def _select_label(series: TopicSeries, of_kind: str) -> TopicSeries:
 
 
 def _row(
-    topic: str, name: str, decoded: tuple[Times, Array], intended: tuple[Times, Array], begin_ns: int, *, sd: float
+    topic: str, name: str, decoded: tuple[Ints, Array], intended: tuple[Ints, Array], begin_ns: int, *, sd: float
 ) -> OutputRow:
     """decoded, intended : times [ns] and values; sd : 1-sigma of the values"""
     times = intended[0]
@@ -125,8 +125,8 @@ def _row(
     )
 
 
-def _decoded_values(part: TopicSeries, field: str) -> tuple[Times, Array]:
-    """Times [ns] and numbers of a field in valid messages, in order of time."""
+def _decoded_values(part: TopicSeries, field: str) -> tuple[Ints, Array]:
+    """Ints [ns] and numbers of a field in valid messages, in order of time."""
     values, times = _component(part, field), part.valid_ns
     known = np.isfinite(values) & part.valid
     order = np.argsort(times[known], kind="stable")
@@ -155,7 +155,7 @@ def _entry(vector: object, index: int) -> float:
 
 
 def _find_missing(
-    decoded: tuple[Times, Array], intended: tuple[Times, Array], of_value_sd: tuple[float, float], *, circular: bool
+    decoded: tuple[Ints, Array], intended: tuple[Ints, Array], of_value_sd: tuple[float, float], *, circular: bool
 ) -> NDArray[np.bool_]:
     """Intended values without a matching decoded value, shape (n,)."""
     (at, found), (times, values), (of_value, sd) = decoded, intended, of_value_sd

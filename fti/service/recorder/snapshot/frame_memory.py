@@ -77,15 +77,10 @@ class FrameMemory:
         self._lock = threading.Lock()
         self._blocks: deque[FrameBlock] = deque()
         self._open = FrameBlock()
-        self._bytes = 0
+        self.held_bytes = 0  # of the packed frames
         self._since_ns: int | None = None
         self.newest_ns = 0
         self.overflows = 0
-
-    @property
-    def held_bytes(self) -> int:
-        """Size of the packed frames [B]."""
-        return self._bytes
 
     @property
     def held_ns(self) -> int:
@@ -108,7 +103,7 @@ class FrameMemory:
         with self._lock:
             block, before = self._open, len(self._open.data)
             block.add(source, entries)
-            self._bytes += len(block.data) - before
+            self.held_bytes += len(block.data) - before
             self.newest_ns = max(self.newest_ns, block.last_ns)
             if block.is_full:
                 self._blocks.append(block)
@@ -119,9 +114,9 @@ class FrameMemory:
         limit_ns = self.newest_ns - self._span_ns
         if self._since_ns is not None:
             limit_ns = min(limit_ns, self._since_ns)
-        while self._blocks and (self._blocks[0].last_ns < limit_ns or self._bytes > self._max_bytes):
+        while self._blocks and (self._blocks[0].last_ns < limit_ns or self.held_bytes > self._max_bytes):
             dropped = self._blocks.popleft()
-            self._bytes -= len(dropped.data)
+            self.held_bytes -= len(dropped.data)
             displaced = dropped.last_ns >= limit_ns
             self.overflows += displaced
             wanted = displaced and self._since_ns is not None
@@ -145,14 +140,14 @@ class FrameMemory:
                 block, self._open = self._open, FrameBlock()
             else:
                 return None
-            self._bytes -= len(block.data)
+            self.held_bytes -= len(block.data)
             return block
 
     def put_back(self, blocks: Sequence[FrameBlock]) -> None:
         """Return taken blocks, as the oldest ones."""
         with self._lock:
             self._blocks.extendleft(reversed(blocks))
-            self._bytes += sum(len(block.data) for block in blocks)
+            self.held_bytes += sum(len(block.data) for block in blocks)
 
     def count_written(self, source: int, entries: Sequence[NumberedFrame]) -> None:
         """Count taken frames that are in a file."""

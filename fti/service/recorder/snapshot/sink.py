@@ -24,14 +24,12 @@ from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
 from fti.logger.storage_target import MEGABYTE
 from fti.messages.health import SnapshotHealth
-from fti.service.fault_guard import FailureHandler, catch_failures
+from fti.service.fault_guard import FailureHandler, ReportEvent, catch_failures
 from fti.service.realtime import step_below_reader
 from fti.service.recorder.link_ledger import SnapshotOutcome
 from fti.service.recorder.snapshot.frame_memory import FrameMemory
 from fti.service.recorder.snapshot.writer import SnapshotWriter
 
-#: Level, source and text of an event.
-ReportEvent = Callable[[str, str, str], None]
 #: Receives the frames of one source.
 FrameConsumer = Callable[[Sequence[NumberedFrame]], None]
 #: Pause between two slices (a slice is a block of the memory), and while no complete block waits.
