@@ -48,7 +48,6 @@ from fti.logger.session import CONFIG_ATTACHMENT
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain import demo_scene
 from fti.terrain.demo_region import demo_region
-from fti.terrain.terrain import Terrain
 
 #: Time for the lines to send their backlog after the flight.
 DRAIN_S = 2.0
@@ -259,11 +258,8 @@ def make_environment(scenario: Scenario, progress: Callable[[str], None] = lambd
     """
     airfield = load_airfield(demo_scene.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(demo_scene.DEMO_AIRFIELD))
     terrain = demo_region() if isinstance(scenario.flight, JsbsimFlight) else demo_scene.demo_scene()
-    if isinstance(scenario.flight, WaypointFlight) and _is_beyond_terrain(scenario.flight, terrain):
-        terrain = demo_region()
+    if isinstance(scenario.flight, WaypointFlight):
+        lat, lon = np.radians([(point.lat_deg, point.lon_deg) for point in scenario.flight.waypoint]).T
+        if np.isnan(terrain.height(lat, lon)).any():
+            terrain = demo_region()
     return Environment(scenario, ApproachPath(airfield), terrain, DEMO_UNDULATION, progress)
-
-
-def _is_beyond_terrain(flight: WaypointFlight, terrain: Terrain) -> bool:
-    lat, lon = np.radians([(point.lat_deg, point.lon_deg) for point in flight.waypoint]).T
-    return bool(np.isnan(terrain.height(lat, lon)).any())

@@ -92,7 +92,7 @@ class PrefetchProcess:
             stdin.write(json.dumps(asdict(request)).encode())
 
     def __enter__(self) -> Iterator[RawFrame]:
-        return self._take()
+        return (RawFrame(*fields) for batch in iter(self._load, []) for fields in batch)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -100,11 +100,6 @@ class PrefetchProcess:
         self._pipe.close()
         self._process.terminate()
         self._process.wait(TERMINATE_TIMEOUT_S)
-
-    def _take(self) -> Iterator[RawFrame]:
-        while batch := self._load():
-            for fields in batch:
-                yield RawFrame(*fields)
 
     def _load(self) -> list[tuple[str, int, int, bytes]]:
         try:

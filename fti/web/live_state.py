@@ -62,11 +62,8 @@ class History:
             self._rows.append((last_ns + PERIOD_NS, {}))
         if t_ns - last_ns >= PERIOD_NS:
             self._rows.append((t_ns, dict(self._now)))
-            self._forget(t_ns - SPAN_NS)
-
-    def _forget(self, before_ns: int) -> None:
-        while self._rows and self._rows[0][0] < before_ns:
-            self._rows.popleft()
+            while self._rows[0][0] < t_ns - SPAN_NS:
+                self._rows.popleft()
 
     def message(self) -> dict[str, Any]:
         """``{"type": "history", "t": [s], "series": {name: [value]}}``."""

@@ -25,29 +25,6 @@ NEVER_WRITTEN = "never_written"
 STORAGE = "storage"
 
 
-def conclude(
-    report: VerifyReport,
-    recording: Recording,
-    numbers: SequenceCheck,
-    ledger: LedgerCheck,
-    gaps: GapNotes,
-    *,
-    is_from_start: bool,
-) -> None:
-    """Add the checks of the session and the accounts of its links."""
-    session = _SessionCheck(recording, numbers, ledger, gaps, is_from_start=is_from_start)
-    checks = [session.splits()]
-    if recording.frame_files:
-        checks += [session.sequence(), session.stamps(), session.ticks()]
-    if recording.raw_files:
-        checks += [session.ledgers(), session.recorders(), session.gap_notes()]
-    if checks[0].result is CheckResult.REFUTED and recording.other_folders:
-        checks = [_soften_partial(check, recording.other_folders) for check in checks]
-    report.checks += checks
-    report.missing = session.missing
-    report.accounts = session.accounts()
-
-
 def _soften_partial(check: Check, other_folders: Sequence[Path]) -> Check:
     """Reduce a failed check of one part of a session to a loss: the missing data may be in other folders."""
     if check.result is not CheckResult.REFUTED:
@@ -66,7 +43,7 @@ def frames_are_separate(recording: Recording) -> bool:
     return not recording.raw_files or (recording.is_snapshot_session and not recording.path.is_dir())
 
 
-class _SessionCheck:
+class SessionCheck:
     """The checks of a session, or of one file without its neighbours."""
 
     def __init__(
@@ -91,6 +68,19 @@ class _SessionCheck:
         self.missing = (
             0 if self._frames_are_separate else sum(h.count for h in numbers.coverage.holes(self._begin, self._end))
         )
+
+    def conclude(self, report: VerifyReport) -> None:
+        """Add the checks of the session and the accounts of its links."""
+        checks = [self.splits()]
+        if self._recording.frame_files:
+            checks += [self.sequence(), self.stamps(), self.ticks()]
+        if self._recording.raw_files:
+            checks += [self.ledgers(), self.recorders(), self.gap_notes()]
+        if checks[0].result is CheckResult.REFUTED and self._recording.other_folders:
+            checks = [_soften_partial(check, self._recording.other_folders) for check in checks]
+        report.checks += checks
+        report.missing = self.missing
+        report.accounts = self.accounts()
 
     # ------------------------------------------------------------------------------------------------ splits, numbers
 

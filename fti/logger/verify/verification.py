@@ -33,7 +33,7 @@ from fti.logger.verify.gap_check import GapNotes
 from fti.logger.verify.ledger_check import LedgerCheck
 from fti.logger.verify.report import Check, CheckResult, TopicTotals, VerifyReport
 from fti.logger.verify.sequence_check import SequenceCheck
-from fti.logger.verify.session_check import conclude, frames_are_separate
+from fti.logger.verify.session_check import SessionCheck, frames_are_separate
 from fti.logger.verify.snapshot_check import SnapshotCheck
 from fti.messages.topics import GAP_TOPIC, LEDGER_TOPIC, TICK_TOPIC
 
@@ -76,7 +76,9 @@ class _Verification:
         self._ledger.finish()
         report.ledgers = self._ledger.notes
         report.numbered = self._numbers.frames
-        conclude(report, self._recording, self._numbers, self._ledger, self._gaps, is_from_start=self._is_from_start)
+        SessionCheck(
+            self._recording, self._numbers, self._ledger, self._gaps, is_from_start=self._is_from_start
+        ).conclude(report)
         if self._recording.raw_files or self._recording.is_snapshot_session:
             report.checks += self._check_snapshots()
         self._check_ends(files)

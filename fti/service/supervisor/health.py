@@ -33,7 +33,9 @@ class HealthBoard:
         silent_ns = self._navigation_silence(now_ns)
         navigation, devices = self._assess_navigation(silent_ns)
         current_devices = devices if silent_ns <= LATE_NS else {}
-        storage = self._assess_storage(now_ns)
+        storage = self.recorder.get("storage", {})
+        if hint := self._describe_silence(now_ns):
+            storage = {**storage, "state": "error", "hint": hint}
         links = self._assess_links(now_ns)
         return {
             "t_ns": now_ns,
@@ -76,12 +78,6 @@ class HealthBoard:
         )
         stopped = {"state": LinkState.SILENT, "hint": constant, "clocks": []}
         return late, {name: {**device, **stopped} for name, device in devices.items()}
-
-    def _assess_storage(self, now_ns: int) -> dict[str, Any]:
-        """Storage from the report of the recorder; an error if the report is old."""
-        storage: dict[str, Any] = self.recorder.get("storage", {})
-        hint = self._describe_silence(now_ns)
-        return {**storage, "state": "error", "hint": hint} if hint else storage
 
     def _assess_links(self, now_ns: int) -> dict[str, dict[str, Any]]:
         """Links from the report of the recorder; all are silent if the report is old."""

@@ -71,7 +71,8 @@ class Trajectory:
         lat = np.full(len(t), lat0)
         for _ in range(ITERATIONS):
             lat = lat0 + _cumulative(vel_n[:, 0] / (radii(lat)[0] + alt))
-        rates = _position_rates(lat, alt, vel_n)
+        per_lat, per_lon = metres_per_radian(lat, alt)
+        rates = np.stack((vel_n[:, 0] / per_lat, vel_n[:, 1] / per_lon, -vel_n[:, 2]), axis=1)
         self._position = np.stack((lat, lon0 + _cumulative(rates[:, 1]), alt), axis=1)
         self._rates = rates
 
@@ -117,11 +118,6 @@ class Trajectory:
         vel_n, accel_n = self._velocity(t)
         rpy, rpy_rate = self._attitude(t)
         return TrueMotion(t, place[:, 0], place[:, 1], place[:, 2], vel_n, accel_n, rpy, rpy_rate)
-
-
-def _position_rates(lat: Array, alt: Array, vel_n: Array) -> Array:
-    per_lat, per_lon = metres_per_radian(lat, alt)
-    return np.stack((vel_n[:, 0] / per_lat, vel_n[:, 1] / per_lon, -vel_n[:, 2]), axis=1)
 
 
 def _cumulative(rate: Array) -> Array:
