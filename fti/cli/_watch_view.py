@@ -13,7 +13,7 @@ from rich.text import Text
 
 from fti.constants import SECOND_NS
 from fti.terminal_text import escape_tree
-from fti.web.texts import CONTINUOUS, describe_mode
+from fti.web.live_state import CONTINUOUS, describe_mode
 
 Fields = Mapping[str, Any]
 

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fti.testing.errors import BenchError
-from fti.testing.ports import LinkAddress, addresses, is_udp_port_bound, on_free_ports, write_config
+from fti.testing.ports import LinkAddress, addresses, is_udp_port_bound, on_free_ports, toml_text, write_config
 from fti.testing.process import FTI, BenchProcess, quiet_environment
 from fti.testing.recorder import Recorder
-from fti.testing.toml_text import toml_text
 from fti.testing.workspace import Workspace
 
 if TYPE_CHECKING:

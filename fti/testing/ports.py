@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import random
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fti.config import CanLink, Config, Link, SerialLink, UdpLink
 from fti.devices import option_files
-from fti.testing.toml_text import toml_text
 
 LOOPBACK = "127.0.0.1"
 #: Below the kernel's ephemeral ports, so that no other socket takes a port in the meantime.
@@ -131,3 +131,30 @@ def _address(link: Link, ptys: Path | None) -> LinkAddress:
     if link.interface == "slcan":
         return LinkAddress(link.name, link.kind, path=str(ptys / link.name) if ptys else link.channel)
     return LinkAddress(link.name, link.kind, host=link.channel, port=link.settings.get("port"))
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """A TOML document with a line for each key of the first level.
+
+    Values are strings, numbers, booleans, lists and tables of them.  Raises ValueError.
+    """
+    return "".join(f"{_text(key)} = {_value(value)}\n" for key, value in table.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_text(key)} = {_value(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    raise ValueError(f"{value!r}: TOML has no such value")
+
+
+def _text(text: str) -> str:
+    """A basic string: the escapes of JSON, and DEL, which JSON does not escape."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

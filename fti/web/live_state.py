@@ -17,9 +17,9 @@ from typing import Any
 
 from fti.alarms.alarm_list import Alarm
 from fti.alarms.condition import Condition, Severity
+from fti.messages.outputs import IntegrityState
 from fti.messages.topics import BUS_ALARMS, BUS_HEALTH
 from fti.reason_texts import describe_reasons
-from fti.web.texts import STATES
 
 Fields = Mapping[str, Any]
 
@@ -42,6 +42,27 @@ PERIOD_NS = 200_000_000
 GAP_NS = 1_000_000_000  # a longer interruption is a gap in the lines
 HEIGHT = "/nav/height_above_ground/"
 GLIDE = "/nav/glide_slope"
+
+
+STATES: dict[str, str] = {
+    IntegrityState.NO_PROFILE: "no approach profile loaded",
+    IntegrityState.ACQUIRE: "collecting the first window",
+    IntegrityState.MONITOR: "heights match; position not observable here",
+    IntegrityState.OK: "ground matches the published approach",
+    IntegrityState.CAUTION: "one test over its limit",
+    IntegrityState.ALERT: "do not trust height or position",
+    IntegrityState.UNAVAILABLE: "monitor not available",
+}
+
+
+#: Recording modes other than continuous: banner and explanation.
+MODES: dict[str, tuple[str, str]] = {"snapshot": ("SNAPSHOT", "only data around a trigger are recorded")}
+CONTINUOUS = "continuous"
+
+
+def describe_mode(mode: str) -> tuple[str, str]:
+    """Banner and explanation of a mode that is not continuous."""
+    return MODES.get(mode, (mode.upper(), ""))
 
 
 class History:

@@ -13,7 +13,7 @@ from fti import drivers
 from fti.config import Device
 from fti.devices import BoundDevice
 from fti.drivers import deflection_pickups
-from fti.drivers.deflection_pickups.factory_calibration import factory_tables
+from fti.drivers.deflection_pickups.table import factory_tables
 from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.deflections import DeflectionPickups, deflections, flap_angle_deg, raw_counts, table_error

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.messages.control import FileNumber
-from fti.service.supervisor.file_numbers import FileNumbers
+from fti.service.supervisor.session_storage import FileNumbers
 
 report = FileNumber
 

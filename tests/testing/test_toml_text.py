@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from fti import config as configuration
 from fti.hil import scenario as scenarios
 from fti.testing.emulator import write_scenario
-from fti.testing.ports import write_config
-from fti.testing.toml_text import toml_text
+from fti.testing.ports import toml_text, write_config
 from tests.helpers import ROOT
 
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]))

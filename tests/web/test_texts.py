@@ -3,7 +3,7 @@
 from fti.messages.outputs import IntegrityState
 from fti.messages.reasons import Reason
 from fti.reason_texts import REASONS, describe_reasons
-from fti.web.texts import STATES, describe_mode
+from fti.web.live_state import STATES, describe_mode
 
 
 def test_every_reason_has_words_of_its_own() -> None:

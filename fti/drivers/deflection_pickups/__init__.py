@@ -38,9 +38,9 @@ from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups import table
 from fti.drivers.deflection_pickups.decoder import Decoder
 from fti.drivers.deflection_pickups.encoder import MAX_RATE_HZ, MIN_RATE_HZ, Encoder
-from fti.drivers.deflection_pickups.factory_calibration import factory_tables
 from fti.drivers.deflection_pickups.layout import Pickup, PickupBus, read_bus
 from fti.drivers.deflection_pickups.service import Service
+from fti.drivers.deflection_pickups.table import factory_tables
 
 DOCUMENT = "Spiegel 2018, tables 6.1 and 6.2, figures 6.14 and 6.15; CANaerospace 1.7, section 4; layout by DBC"
 MESSAGES = {

@@ -12,7 +12,7 @@ from fti.hil.sensors.air_data import AirSettings
 from fti.hil.sensors.altimeters import LaserAltimeterModel, RadarAltimeterModel, RadarSettings
 from fti.hil.sensors.arinc_units import ArincUnit
 from fti.hil.sensors.autopilot import AutopilotUnit
-from fti.hil.sensors.base import SimulatedSensor
+from fti.hil.sensors.base import SensorModelType, SimulatedSensor
 from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
 from fti.hil.sensors.deflections import DeflectionPickups, PickupSettings
 from fti.hil.sensors.generic_devices import GenericDevice
@@ -22,7 +22,6 @@ from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.inertial_solution import InertialSettings
 from fti.hil.sensors.magnetometer import Magnetometer, MagnetometerSettings
-from fti.hil.sensors.model import SensorModelType
 from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.sensors.power_unit import PowerPanel
 from fti.hil.sensors.sensor_settings import DeviceSettings, check_settings

@@ -11,6 +11,7 @@ import copy
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -24,13 +25,34 @@ from fti.geodesy.wgs84 import displace
 from fti.hil.environment import Environment
 from fti.hil.faults.applicability import applies_to
 from fti.hil.flight.trajectory import FlightState
-from fti.hil.sensors.model import SensorModel, SensorModelType
 from fti.hil.tables.fault_types import LeverArm
 from fti.hil.tables.schema import SensorSettings
 from fti.messages.measurements import Measurement, Stamp, TimeScale
 
 DRIFT_PPM_SD = 20.0
 JITTER_SD_MS = 0.3
+
+
+class SensorModel(Protocol):
+    """Model of one device, computed for the whole flight."""
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """The measurements of sample k, in the order that the encoder needs."""
+
+
+class SensorModelType(Protocol):
+    """Constructor of a model, with the default rate and the time scale of its device."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples per second."""
+
+    @property
+    def time_scale(self) -> TimeScale | None:
+        """Scale of the time in the messages; None when they have no time."""
+
+    def __call__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> SensorModel:
+        """A model sampled at the times t, shape (n,) [s]."""
 
 
 class SimulatedSensor:

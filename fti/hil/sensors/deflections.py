@@ -32,8 +32,7 @@ from pydantic import Field
 
 from fti.arrays import Array
 from fti.devices import BoundDevice
-from fti.drivers.deflection_pickups.factory_calibration import factory_tables
-from fti.drivers.deflection_pickups.table import MAX_RAW, CalibrationTable, read_tables
+from fti.drivers.deflection_pickups.table import MAX_RAW, CalibrationTable, factory_tables, read_tables
 from fti.hil.environment import Environment
 from fti.hil.flight.coordinated_flight import TRIM_AOA
 from fti.hil.flight.trajectory import FlightState

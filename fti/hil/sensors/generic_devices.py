@@ -14,9 +14,9 @@ from fti.hil.environment import Environment
 from fti.hil.sensors.air_data import AirData
 from fti.hil.sensors.altimeters import LaserAltimeterModel, RadarAltimeterModel
 from fti.hil.sensors.avionics import HeadingReference
+from fti.hil.sensors.base import SensorModel
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.imagers import ImagerModel, pixel_indices
-from fti.hil.sensors.model import SensorModel
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
 
 PERIOD_S = 60.0

@@ -39,12 +39,11 @@ from fti.service.supervisor.command_catalogue import CommandCatalogue
 from fti.service.supervisor.command_tracker import CommandTracker
 from fti.service.supervisor.control_socket import serve_commands
 from fti.service.supervisor.event_publisher import Announce, EventPublisher
-from fti.service.supervisor.file_numbers import FileNumbers
 from fti.service.supervisor.health import HealthBoard
 from fti.service.supervisor.operator_requests import OperatorRequests
 from fti.service.supervisor.page_access import PageAccess
 from fti.service.supervisor.session_result import SessionResult, save_ledger
-from fti.service.supervisor.session_storage import SessionStorage
+from fti.service.supervisor.session_storage import FileNumbers, SessionStorage
 from fti.service.supervisor.shutdown import SessionShutdown
 from fti.service.supervisor.startup_checks import ValidatedConfig
 from fti.service.supervisor.watchdog import Watchdog

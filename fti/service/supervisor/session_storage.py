@@ -14,6 +14,7 @@ from fti.logger.file_mode import set_file_mode
 from fti.logger.recovery import close_unfinished
 from fti.logger.session import SessionFolder
 from fti.logger.storage_target import StorageTarget
+from fti.messages.control import FileNumber
 from fti.service.supervisor.event_publisher import Announce
 
 
@@ -83,3 +84,25 @@ def _notices(closed: Sequence[close_unfinished.CloseResult]) -> list[RepairNotic
     return [
         RepairNotice("error" if found.fault else "warning", text) for found in closed if (text := found.describe_loss())
     ]
+
+
+class FileNumbers:
+    """The numbers that the recorders have taken, and the numbers of the written files."""
+
+    def __init__(self) -> None:
+        self._taken: set[int] = set()
+        self._confirmed: set[int] = set()
+
+    def handle_report(self, report: FileNumber) -> None:
+        """Handle a report of a recorder."""
+        (self._confirmed if report.confirmed else self._taken).add(report.number)
+
+    @property
+    def next(self) -> int:
+        """The first number that the next recorder may take."""
+        return max(self._taken | self._confirmed, default=-1) + 1
+
+    @property
+    def skipped_numbers(self) -> list[int]:
+        """Smaller numbers without a known written file."""
+        return sorted(self._taken - self._confirmed)

@@ -18,7 +18,7 @@ from fti.geodesy.formulas import EARTH_RATE, ECC_SQ, FLATTENING, SEMI_MAJOR, SEM
 from fti.geodesy.gravity import transport_rate
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import metres_per_radian, radii
-from fti.study.faults.profile import SmoothProfile
+from fti.study.faults.course import SmoothProfile
 
 GRID_S = 0.04
 #: The latitude's radii depend on the latitude itself: an iteration reduces the error by a factor of 100 or more.

@@ -9,9 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import displace
-from fti.study.faults.course import draw_course
+from fti.study.faults.course import SmoothProfile, draw_course
 from fti.study.faults.inertial_unit import ideal_samples
-from fti.study.faults.profile import SmoothProfile
 from fti.study.faults.trajectory import Course, Trajectory, gravity_n
 
 Array = NDArray[np.float64]
