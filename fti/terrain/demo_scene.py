@@ -164,11 +164,6 @@ def _across(before: Array, right: Array, rng: np.random.Generator) -> Array:
     return np.asarray(before + skew * right + meander)
 
 
-def _near_track(right: Array) -> Array:
-    """1 within RIDGES_HALF_M of the track, 0 beyond twice as far, smooth between."""
-    return smooth_step(2.0 - np.abs(right) / RIDGES_HALF_M)
-
-
 def _cover(across: Array, right: Array, crests: NDArray[np.bool_], rng: np.random.Generator) -> Array:
     """Height of cover on the ground [m]: fields and woods along the track, forest and houses beyond them."""
     row = fields(across, crests, rng, min_size_m=80.0, max_size_m=200.0)
@@ -213,7 +208,8 @@ def demo_scene(seed: int = 2018, vegetation: float = 1.0) -> Terrain:
     natural += fractal_relief(shape, CELL_M, rng, sd=RELIEF_SD_M, max_size_m=500.0, min_size_m=30.0)
     across = _across(before, right, rng)
     waves = ridges(across, rng, low=8.0, high=12.0, min_size_m=140.0, max_size_m=220.0)
-    natural += waves * _near_track(right)
+    # 1 within RIDGES_HALF_M of the track, 0 beyond twice as far, smooth between
+    natural += waves * smooth_step(2.0 - np.abs(right) / RIDGES_HALF_M)
     ground = np.minimum(country * natural + (1.0 - country) * _plane(runway, before, right), limit)
     cover = np.minimum(vegetation * _cover(across, right, waves > 1.0, rng), limit - ground)
     cleared = (country < 1.0) | ((before < CLEARED_M) & (np.abs(right) < CLEARED_HALF_M)) | (cover < MIN_COVER_M)

@@ -139,10 +139,10 @@ def _pairs(grade: str) -> Iterator[Cell]:
             )
 
 
-def _with_patterns(cells: Iterator[Cell]) -> Iterator[Cell]:
-    return (replace(cell, pattern=pattern) for cell in cells for pattern in PATTERNS)
-
-
 CELLS: tuple[Cell, ...] = tuple(
-    cell for grade in GRADES for make in (_single, _pairs) for cell in _with_patterns(make(grade))
+    replace(cell, pattern=pattern)
+    for grade in GRADES
+    for make in (_single, _pairs)
+    for cell in make(grade)
+    for pattern in PATTERNS
 )
