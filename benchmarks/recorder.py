@@ -93,9 +93,9 @@ def calm(folder: Path, seconds: float, targets: Targets) -> None:
     bare: list[float] = []
     with plain_reader(folder / "plain", LINKS) as (pid, ports):
         for _ in range(ROUNDS):
-            for shares, number, targets in ((ours, rig.pid, [port_of(k) for k in links]), (bare, pid, ports)):
+            for shares, number, numbers in ((ours, rig.pid, [port_of(k) for k in links]), (bare, pid, ports)):
                 began = cpu_s(number)
-                _, elapsed_s = feed(rig, targets, CALM_RATE, seconds)
+                _, elapsed_s = feed(rig, numbers, CALM_RATE, seconds)
                 shares.append(100 * (cpu_s(number) - began) / elapsed_s)
     rig.close()
     ratio = statistics.median(a / b for a, b in zip(ours, bare, strict=True))

@@ -12,11 +12,11 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.constants import SECOND_NS
-from fti.geodesy.formulas import metres_per_radian
+from fti.geodesy.formulas import Vector, metres_per_radian
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.rotations import rpy_from_mat
 from fti.messages.reasons import Reason
-from fti.nav.filter.aiding import GnssHeight, GnssPosition, GnssVelocity, Vector
+from fti.nav.filter.aiding import GnssHeight, GnssPosition, GnssVelocity
 from fti.nav.filter.estimate import InitialState
 
 MAX_AGE_NS = 1_000_000_000
