@@ -16,12 +16,12 @@ from mcap.stream_reader import StreamReader
 from fti.cli.main import main
 from fti.logger.derived_log import DerivedLog
 from fti.logger.log_layout import LogSettings
+from fti.logger.reading import record_cursor
 from fti.logger.reading.record_cursor import ChunkHead, chunk_head
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.recovery.extract import extract_session
 from fti.logger.session import SessionFolder
-from fti.logger.verify import file_check as proof_file
 from fti.logger.verify.gap_check import GapNotes
 from fti.logger.verify.ledger import LedgerReader
 from fti.logger.verify.ledger_check import LedgerCheck
@@ -570,7 +570,7 @@ def test_a_file_that_grows_while_it_is_verified_is_not_refuted(
             recorder.run(5)
             return chunk_head(source, at)
 
-        patch.setattr(proof_file, "chunk_head", patched)
+        patch.setattr(record_cursor, "chunk_head", patched)
         report = report_on(folder)
         assert report.result is CheckResult.LOSS, report.findings
     recorder.end()

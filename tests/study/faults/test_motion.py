@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import displace
-from fti.study.faults.course import SmoothProfile, draw_course
+from fti.study.faults.course import draw_course
 from fti.study.faults.inertial_unit import ideal_samples
-from fti.study.faults.trajectory import Course, Trajectory, gravity_n
+from fti.study.faults.trajectory import Course, SmoothProfile, Trajectory, gravity_n
 
 Array = NDArray[np.float64]
 
