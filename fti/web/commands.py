@@ -39,7 +39,7 @@ MAX_REQUESTS = 20
 class CommandStatus:
     """Available commands to devices and the state of the last ones, for the page.
 
-    version : increases with each change; 0 while no link may transmit
+    version : increases with each change, after which each page gets everything again; 0 while no link may transmit
     """
 
     def __init__(self) -> None:

@@ -66,7 +66,10 @@ def describe_mode(mode: str) -> tuple[str, str]:
 
 
 class History:
-    """The plotted values: rows of ``{series: value}``; a series is ``topic:field``, an invalid value is None."""
+    """The plotted values of the last two minutes, five rows per second, on one time axis.
+
+    A row is ``{series: value}``; a series is ``topic:field``, an invalid value is None.
+    """
 
     def __init__(self) -> None:
         self._rows: deque[tuple[int, dict[str, float | None]]] = deque()
