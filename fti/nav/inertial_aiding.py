@@ -20,7 +20,7 @@ from msgspec import structs
 
 from fti.config import Device, Filter
 from fti.constants import SECOND_NS
-from fti.geodesy.formulas import down_row
+from fti.geodesy.formulas import Vector, down_row
 from fti.messages.measurements import (
     Airspeed,
     Attitude,
@@ -39,7 +39,7 @@ from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
 from fti.nav.confirmation import Confirmation, Size
 from fti.nav.dead_reckoning_aids import DeadReckoningAids
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
-from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
+from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude
 from fti.nav.filter.error_states import (
     AIRSPEED_DRIFTS,
     ALTIMETER_BIAS,

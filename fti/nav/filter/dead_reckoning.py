@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fti.arrays import Array
-from fti.nav.filter.aiding import NO_AXES, LastingErrors, Matrices, Vector, enter_drift
+from fti.geodesy.formulas import Vector
+from fti.nav.filter.aiding import NO_AXES, LastingErrors, enter_drift
+from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.error_states import AIRSPEED_DRIFTS, HEADING_DRIFTS, Extra
 from fti.nav.filter.estimate import Estimate
 from fti.nav.inertial.ins_error_model import TURN, VEL

@@ -8,7 +8,8 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.nav.filter import kernels
-from fti.nav.filter.aiding import Aiding, Matrices
+from fti.nav.filter.aiding import Aiding
+from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.exclusion import (
     AGREEMENT_SIGMAS,
