@@ -92,7 +92,7 @@ def make_decoder(options: Options) -> Decoder:
 
 
 def make_encoder(options: Options) -> Encoder:
-    """The nodes; those without a table in the calibration have the default (``factory_calibration``)."""
+    """The nodes; those without a table in the calibration have the default (``table.factory_tables``)."""
     bus = _bus(options)
     return Encoder(bus, factory_tables(bus.sensors) | table.read_tables(options.calibration, _all_surfaces(options)))
 
