@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
 import subprocess
 import sys
 import tomllib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,71 +17,35 @@ from pydantic_core import PydanticUndefined
 from fti.drivers import _binary_frame, _checksums, ascii_line, binary_struct
 from fti.formats import described_fields
 from fti.formats.quantities import DIMENSIONS, QUANTITIES
+from tests.doc_pages import Console, blocks, compare, consoles, execute
 from tests.helpers import ROOT
 
 PAGE = (ROOT / "docs" / "add-a-sensor.md").read_text(encoding="utf-8")
 CONFIG = ROOT / "configs" / "added_sensors.toml"
-MARK = "@@ next command @@"
 WITHIN_S = 100.0
 
 
-@dataclass(frozen=True)
-class Session:
-    """A console of the page: commands and their outputs."""
-
-    commands: list[str]
-    printed: list[str]
-
-
-def blocks(kind: str) -> list[str]:
-    return re.findall(rf"^```{kind}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
-
-
-def session(block: str) -> Session:
-    parts = re.split(r"^\$ (.*)\n", block, flags=re.MULTILINE)[1:]
-    return Session(parts[::2], parts[1::2])
-
-
-SESSIONS = [session(block) for block in blocks("console")]
+SESSIONS = consoles(PAGE)
 FLIGHTS = [s for s in SESSIONS if any("fti run" in command for command in s.commands)]
 
 
-def execute(result: Session, folder: Path) -> list[str]:
-    """Output of each command, in one shell, in a folder with the page's configuration."""
-    (folder / "sensors.toml").write_text("".join(blocks("toml")), encoding="utf-8")
-    commands = f"\necho '{MARK}'\n".join(result.commands)
-    script = f'fti() {{ "$PYTHON" -m fti.cli.main "$@"; }}\n{commands}\nwait\n'
-    environment = {**os.environ, "PYTHON": sys.executable, "XDG_RUNTIME_DIR": str(folder), "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        ["bash", "-c", script],
-        cwd=folder,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        timeout=WITHIN_S,
-        check=False,
-        text=True,
-    )
-    return done.stdout.split(f"{MARK}\n")
-
-
-def compare(printed: str, expected: str) -> None:
-    """Line by line; "..." is anything, within a line or, alone, any lines."""
-    pattern = re.escape(expected).replace(r"\.\.\.", ".*?")
-    assert re.fullmatch(pattern, printed, re.DOTALL), f"printed:\n{printed}\nthe page says:\n{expected}"
+def run_page(console: Console, folder: Path) -> list[str]:
+    """Output of each command, in a folder with the page's configuration."""
+    (folder / "sensors.toml").write_text("".join(blocks(PAGE, "toml")), encoding="utf-8")
+    return execute(console, folder, WITHIN_S)
 
 
 @pytest.mark.parametrize("number", [i for i, s in enumerate(SESSIONS) if s not in FLIGHTS])
 def test_what_the_page_says_is_printed(number: int, tmp_path: Path) -> None:
     found = SESSIONS[number]
-    for printed, expected in zip(execute(found, tmp_path), found.printed, strict=True):
+    for printed, expected in zip(run_page(found, tmp_path), found.printed, strict=True):
         compare(printed, expected)
 
 
 @pytest.mark.e2e
 def test_the_page_is_flown_and_recorded(tmp_path: Path) -> None:
     (flight,) = FLIGHTS
-    *printed, info = execute(flight, tmp_path)
+    *printed, info = run_page(flight, tmp_path)
     run, output_lines = printed[-1], flight.printed[-1].splitlines()
     assert run.startswith("recording to ")
     topics = {line.split()[0]: int(line.split()[1]) for line in info.splitlines() if re.match(r"/\S+ +\d", line)}
@@ -107,7 +69,10 @@ def table(folder: Path, name: str) -> list[dict[str, str]]:
 
 
 def test_the_file_of_the_page_is_the_one_that_is_shipped() -> None:
-    of_the_page, shipped = tomllib.loads("".join(blocks("toml"))), tomllib.loads(CONFIG.read_text(encoding="utf-8"))
+    of_the_page, shipped = (
+        tomllib.loads("".join(blocks(PAGE, "toml"))),
+        tomllib.loads(CONFIG.read_text(encoding="utf-8")),
+    )
     for found in (of_the_page, shipped):
         del found["session"]["directory"]
     assert of_the_page == shipped
