@@ -93,8 +93,8 @@ def test_the_emulator_feeds_a_daemon(user: User, configs: Path) -> None:
 def test_a_replay_sends_the_recorded_bytes(user: User, session: Path, configs: Path) -> None:
     arguments = ("replay", str(session), "--links", "again_links", "--config", f"{configs}/demo.toml")
     with user.running("fti", *arguments, ready="ready"):
-        arguments = ("--links", "again_links", "--origin", "replay", "--out", "replayed", "--duration", "30")
-        user.run("fti", "run", f"{configs}/demo.toml", *arguments)
+        daemon = ("--links", "again_links", "--origin", "replay", "--out", "replayed", "--duration", "30")
+        user.run("fti", "run", f"{configs}/demo.toml", *daemon)
     (path,) = (user.home / "replayed").iterdir()
     sent, received = recorded_bytes(user, session), recorded_bytes(user, path)
     assert received["ins_eth"] == sent["ins_eth"] > 0
