@@ -17,6 +17,7 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.config import Altimeter, Device
+from fti.geodesy.formulas import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.messages.outputs import Compensation
 from fti.messages.reasons import Reason
@@ -70,12 +71,16 @@ REASONS = {
 NO_GROUND_VALIDITIES = frozenset({Validity.NO_RETURN, Validity.TOO_FAR})
 
 
+#: Range [m], unit vector of its ray in the sensor frame, dispersion [m] and validity.
+PredictedRange = tuple[float, Array, float, Validity]
+
+
 class RangeModel(ABC):
     """One kind of altimeter over one terrain."""
 
     @abstractmethod
-    def predict(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
-        """Range [m], unit vector of its ray in the sensor frame, dispersion [m] and validity at one pose."""
+    def predict(self, origin_l: Array, mat_ls: Array, mat_ln: Array, vel_n: Vector) -> PredictedRange:
+        """The range at one pose.  vel_n : velocity of P, north, east, down [m/s]"""
 
     def model_sd(self, origin_l: Array, mat_ls: Array, slant_range: float) -> float:
         """One sigma of the range by the difference of the real receiver from the model [m]."""
@@ -93,7 +98,7 @@ class PencilRangeModel(RangeModel):
         self._pyramid, self._max_range = pyramid, max_range
         self._boresight = np.array([0.0, 0.0, 1.0])
 
-    def predict(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
+    def predict(self, origin_l: Array, mat_ls: Array, mat_ln: Array, vel_n: Vector) -> PredictedRange:
         """Along the boresight."""
         slant_range, outcome = scalar_kernels.pencil_range(self._pyramid, origin_l, mat_ls, self._max_range)
         return slant_range, self._boresight, 0.0, Validity(outcome)
@@ -120,7 +125,7 @@ class NearestReturnModel(RadarRangeModel):
         self._angles = ring_angles(beam_width, RINGS)
         self._rays = directions(self._angles)
 
-    def predict(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
+    def predict(self, origin_l: Array, mat_ls: Array, mat_ln: Array, vel_n: Vector) -> PredictedRange:
         """The nearest return."""
         slant_range, x, y, spread, outcome = scalar_kernels.nearest_return(
             self._pyramid, origin_l, mat_ls, self._angles, self._rays, self._half, self._max_range
@@ -139,8 +144,9 @@ class WholeBeamModel(RadarRangeModel):
         super().__init__(terrain.pyramid, sensor.model_beam)
         self._terrain, self._sensor = terrain, sensor
 
-    def predict(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
+    def predict(self, origin_l: Array, mat_ls: Array, mat_ln: Array, vel_n: Vector) -> PredictedRange:
         """The leading edge."""
+        vel_l = mat_ln @ np.array(vel_n)
         found = self._sensor.measure(self._terrain, Poses(origin_l[None], mat_ls[None], vel_l[None]))
         slant_range, dispersion = float(found.slant_range[0]), float(found.dispersion[0])
         return slant_range, found.direction_s[0], dispersion, Validity(found.validity[0])
@@ -190,12 +196,11 @@ class AltimeterPredictor:
             return Reason.NO_ALTITUDE
         place, rpy = (position.lat, position.lon, position.alt), (attitude.roll, attitude.pitch, attitude.heading)
         frame = self._frame
-        at_l, mat_ln, mat_ls, lever_n = scalar_kernels.locate_sensor(
+        at_l, origin_l, lever_n, mat_ln, mat_ls = scalar_kernels.locate_sensor(
             frame.origin_e, frame.mat_le, place, rpy, self._lever_b, self._mat_bs
         )
-        vel_n = np.array([v or 0.0 for v in (position.north, position.east, position.down)])
-        origin_l = at_l + mat_ln @ lever_n
-        slant_range, ray_s, spread, validity = self._range_model.predict(origin_l, mat_ls, mat_ln @ vel_n)
+        vel_n = position.north or 0.0, position.east or 0.0, position.down or 0.0
+        slant_range, ray_s, spread, validity = self._range_model.predict(origin_l, mat_ls, mat_ln, vel_n)
         ground_sd = self._ground.sd_at(float(at_l[0]), float(at_l[1]))
         instrument = stated_sd(range_sd, RANGE_SD_UNKNOWN)
         if validity is not Validity.VALID:
@@ -204,12 +209,12 @@ class AltimeterPredictor:
                 return REASONS[validity]
             return self._no_ground(cosine, self._sds(position, attitude, instrument, ground_sd))
         model_sd = self._range_model.model_sd(origin_l, mat_ls, slant_range)
-        instrument = math.hypot(instrument, stated_sd(model_sd, MAX_SD), self._turn_sd(slant_range, attitude))
+        turn_sd = nonlinear_tilt_sd(slant_range, attitude.roll, attitude.pitch, self._mounting, _tilt_sd(attitude))
+        instrument = math.hypot(instrument, stated_sd(model_sd, MAX_SD), turn_sd)
         sds = self._sds(position, attitude, instrument, ground_sd)
         stays = self._nearest and not self._range_model.is_at_edge(ray_s)
-        ray_l = mat_ls @ ray_s
         outputs = scalar_kernels.height_and_variances(
-            self._pyramid, at_l, mat_ln, lever_n, slant_range, ray_l, sds, stays
+            self._pyramid, at_l, lever_n, mat_ln, mat_ls, slant_range, ray_s, sds, stays
         )
         return self._expected_sample(slant_range, spread, outputs)
 
@@ -233,10 +238,6 @@ class AltimeterPredictor:
             cosine=cosine,
             compensation=Compensation.BEAM if self._nearest else Compensation.RANGE,
         )
-
-    def _turn_sd(self, slant_range: float, attitude: AttitudeState) -> float:
-        """One sigma of the predicted range by the nonlinear effect of the tilt error [m]."""
-        return nonlinear_tilt_sd(slant_range, attitude.roll, attitude.pitch, self._mounting, _tilt_sd(attitude))
 
     def _sds(self, position: PositionState, attitude: AttitudeState, instrument: float, ground_sd: float) -> Array:
         """In the order of ``scalar_kernels.height_and_variances``."""

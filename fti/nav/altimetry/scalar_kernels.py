@@ -76,12 +76,13 @@ def vector_of(v: Array) -> Vector:
 @kernel
 def locate_sensor(
     origin_e: Array, mat_le: Array, place: Vector, rpy: Vector, lever_b: Array, mat_bs: Array
-) -> tuple[Array, Array, Array, Array]:
-    """P in the terrain's frame (3,), mat_ln (3, 3), mat_ls (3, 3), and the lever arm in north, east, down (3,)."""
+) -> tuple[Array, Array, Array, Array, Array]:
+    """P and S in the terrain's frame (3,), the lever arm in north, east, down (3,), mat_ln and mat_ls (3, 3)."""
     x, y, z = ecef_from_geodetic(place[0], place[1], place[2])
-    at = rotate(rows_of(mat_le), (x - origin_e[0], y - origin_e[1], z - origin_e[2]))
+    at = np.array(rotate(rows_of(mat_le), (x - origin_e[0], y - origin_e[1], z - origin_e[2])))
     mat_ln, attitude = mat_le @ np.array(mat_en(place[0], place[1])), mat_nb(rpy[0], rpy[1], rpy[2])
-    return np.array(at), mat_ln, mat_ln @ np.array(attitude) @ mat_bs, np.array(rotate(attitude, vector_of(lever_b)))
+    lever_n = np.array(rotate(attitude, vector_of(lever_b)))
+    return at, at + mat_ln @ lever_n, lever_n, mat_ln, mat_ln @ np.array(attitude) @ mat_bs
 
 
 @kernel
@@ -280,17 +281,18 @@ def ground_sds(p: Pyramid, points_l: Array, flat_sd: float) -> Array:
 
 @kernel
 def height_and_variances(
-    p: Pyramid, at: Array, mat_ln: Array, lever_n: Array, slant_range: float, ray_l: Array, sds: Array, is_fixed: bool
+    p: Pyramid, at: Array, lever: Array, mat_ln: Array, mat_ls: Array, r: float, ray_s: Array, sds: Array, fixed: bool
 ) -> Row:
     """Height of P over N [m], cos(theta), incidence [rad], and sigmas of range, height and ground [m].
 
-    at, mat_ln, lever_n : from ``locate_sensor``;  ray_l : unit vector from S to M (3,)
-    sds                 : (6 + 3,) of P north, east, down [m] and about them [rad]; range [m], dem [m], dem_length [m]
-    is_fixed            : whether the measured point stays fixed when the pose changes
+    at, lever, mat_ln, mat_ls : from ``locate_sensor``
+    r, ray_s      : S to M [m], and its unit vector in the sensor frame (3,)
+    sds           : (6 + 3,) of P north, east, down [m] and about them [rad]; range [m], dem [m], dem_length [m]
+    fixed         : whether the measured point stays fixed when the pose changes
     """
-    seen = look(p, at, mat_ln, lever_n, slant_range, ray_l)
+    seen = look(p, at, mat_ln, lever, r, mat_ls @ ray_s)
     errors = Errors(np.diag(sds[:6] ** 2), TRIALS * sds[:6], sds[6] ** 2, sds[7], sds[8])
-    of_range, of_height = sampled_variances(p, seen, errors, is_fixed)
+    of_range, of_height = sampled_variances(p, seen, errors, fixed)
     ground_sd = ground_sds(p, at.reshape(1, 3), sds[0])[0]
     incidence = incidence_of(seen.u, seen.normal)
     return seen.height, seen.u[2], incidence, math.sqrt(of_range), math.sqrt(of_height), ground_sd
