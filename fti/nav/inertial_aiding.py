@@ -55,6 +55,7 @@ from fti.nav.filter.error_states import (
     own_drifts,
     receiver_drifts,
 )
+from fti.nav.filter.innovation_gate import GateStates
 from fti.nav.filter.navigator import InertialNavigator, is_known
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
 from fti.nav.navigation import NavState
@@ -107,6 +108,8 @@ class AidedNavigation:
         self._vertical = VerticalChannel()
         self._filter_hold, self._vertical_hold = HoldMonitor(), HoldMonitor()
         self._sensor_of = {altitude_name(sensor): sensor for sensor in settings.altimeters}
+        self._gate_states: GateStates = {}
+        self._heights_ns: tuple[int | None, dict[str, int]] = (None, {})  # of others and of altimeters, by these states
         self._ground: Ground | None = None
         self._motion: HorizontalMotion | None = None
         self._tilt: tuple[float, float] | None = None
@@ -139,9 +142,13 @@ class AidedNavigation:
 
     def _update_holds(self, t_ns: int) -> None:
         """Update which altimeters alone bound the altitudes of the filter and of the vertical channel."""
-        accepted = self._navigator.accepted_ns("vertical")
-        own_ns = {sensor: accepted.pop(name) for name, sensor in self._sensor_of.items() if name in accepted}
-        self._filter_hold.update(t_ns, max(accepted.values(), default=None), own_ns)
+        states = self._navigator.gate_states
+        if states is not self._gate_states:
+            bounding = {name: s.accepted_ns for name, s in states.items() if "vertical" in s.bounds}
+            accepted = {name: t for name, t in bounding.items() if t is not None}
+            own_ns = {sensor: accepted.pop(name) for name, sensor in self._sensor_of.items() if name in accepted}
+            self._gate_states, self._heights_ns = states, (max(accepted.values(), default=None), own_ns)
+        self._filter_hold.update(t_ns, *self._heights_ns)
         last_accepted_ns = self._vertical.last_accepted_ns(HeightAiding.ALTIMETER)
         is_aided = last_accepted_ns is not None and t_ns - last_accepted_ns <= HOLD_NS
         last_satellites_ns = self._vertical.last_accepted_ns(HeightAiding.SATELLITES)

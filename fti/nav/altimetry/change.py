@@ -80,9 +80,8 @@ class ChangeCheck:
 
     def _join(self, o: AltimeterObservation, *, has_gap: bool) -> None:
         """Account for climb, gap and change of the source since the previous sample."""
-        pairs = list(zip(o.source, self._source, strict=True))
-        self._source = pairs[0][0] or pairs[0][1], pairs[1][0] or pairs[1][1]
-        is_source_new = any(now and before and now != before for now, before in pairs)
+        before, self._source = self._source, (o.source[0] or self._source[0], o.source[1] or self._source[1])
+        is_source_new = any(old and new != old for new, old in zip(self._source, before, strict=True))
         if has_gap:
             self._stuck.reset_after_gap(o.t_ns)
         if is_source_new:

@@ -246,15 +246,6 @@ def resample(times: Array, imu: Array, nodes: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def is_within(imu: Array, limits: Array) -> bool:
-    """Whether all absolute values are finite and below their limits."""
-    sound = True
-    for i in range(len(imu)):
-        sound = sound and np.abs(imu[i]) < limits[i]
-    return bool(sound)
-
-
-@kernel
 def health(y: Array, P: Array) -> tuple[bool, float, float]:
     """Whether all values are finite and no variance is negative; the height over a sphere [m]; the speed [m/s]."""
     total, sound = 0.0, True

@@ -19,6 +19,7 @@ the gate of a position that is too uncertain; the reason is RESET until it is al
 from __future__ import annotations
 
 import math
+import operator
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
@@ -36,7 +37,7 @@ from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate, InitialState, inflate_covariance
 from fti.nav.filter.exclusion import NOT_EXCLUDED, Cause, Exclusion
 from fti.nav.filter.initial_alignment import Aligner
-from fti.nav.filter.innovation_gate import LIMITS, excluded_names, rejected_names
+from fti.nav.filter.innovation_gate import LIMITS, GateStates, excluded_names, rejected_names
 from fti.nav.filter.measurement_update import compute_nis
 from fti.nav.filter.segment import FilterSegment
 
@@ -48,7 +49,7 @@ COAST_NS = 2_000_000_000
 #: A less certain position is not valid [m, one sigma].
 MAX_SD_M = 2000.0
 #: Limits of plausible inertial samples [m/s^2, rad/s], and of altitude [m over a sphere] and speed [m/s].
-MAX_IMU = np.array([500.0] * 3 + [50.0] * 3)
+MAX_IMU = (500.0, 500.0, 500.0, 50.0, 50.0, 50.0)
 MAX_ALT_M, MAX_SPEED_MPS = 1e5, 2000.0
 #: Limit of plausible values of a measurement in SI units.
 MAX_VALUE = 1e9
@@ -82,8 +83,8 @@ class InertialNavigator:
 
     def feed_inertial(self, t_ns: int, accel_b: Iterable[float], gyro_b: Iterable[float]) -> None:
         """Specific force (3,) [m/s^2] and turn rate (3,) [rad/s], body axes at P, valid at t_ns."""
-        imu = np.array((*accel_b, *gyro_b), dtype=np.float64)  # a third of the time of concatenating two arrays
-        if imu.shape != (6,) or not kernels.is_within(imu, MAX_IMU):
+        values = (*accel_b, *gyro_b)
+        if len(values) != len(MAX_IMU) or not all(map(operator.lt, map(abs, values), MAX_IMU)):  # NaN, too
             self.refused[Reason.DEVICE_FLAG] += 1
             return
         if self._newest_ns is not None and t_ns <= self._newest_ns:
@@ -92,7 +93,7 @@ class InertialNavigator:
         self._backward_count = 0
         if self._newest_ns is not None and t_ns - self._newest_ns > MAX_GAP_NS:
             self._restart(Reason.NO_IMU)
-        self._newest_ns = t_ns
+        self._newest_ns, imu = t_ns, np.array(values, dtype=np.float64)
         if self._timeline is None:
             self._align(t_ns, imu)
             return
@@ -136,15 +137,12 @@ class InertialNavigator:
 
     def find_exclusions(self) -> dict[str, Exclusion]:
         """Excluded sources with cause and time, by name."""
-        gate_states = self._timeline.replay_newest().gate_states if self._timeline is not None else {}
-        return {name: s.exclusion for name, s in gate_states.items() if s.exclusion.cause is not None}
+        return {name: s.exclusion for name, s in self.gate_states.items() if s.exclusion.cause is not None}
 
-    def accepted_ns(self, axis: str) -> dict[str, int]:
-        """Time of the last acceptance of each source that bounds an axis, by name."""
-        gate_states = self._timeline.replay_newest().gate_states if self._timeline is not None else {}
-        return {
-            name: s.accepted_ns for name, s in gate_states.items() if s.accepted_ns is not None and axis in s.bounds
-        }
+    @property
+    def gate_states(self) -> GateStates:
+        """The states of the gate by name of a source: the same object until the next measurement."""
+        return self._timeline.replay_newest().gate_states if self._timeline is not None else {}
 
     @property
     def is_aligned(self) -> bool:
@@ -315,7 +313,6 @@ def warm_up() -> None:
     kernels.matrix(y)
     kernels.separate(y, P, y, P, estimate.mat_en, 0.1)
     kernels.largest_sd(1.0, 1.0, 0.0)
-    kernels.is_within(np.zeros(6), MAX_IMU)
     kernels.health(y, P)
     antenna.warm_up()
     x = np.zeros(len(P))
