@@ -1,6 +1,6 @@
 # Everything runs from .venv, which is made from requirements.lock on any machine with Python 3.11+, pip and make.
 #
-#   make demo     fly an emulated approach, record it, show it in the browser
+#   make demo     fly an emulated approach, record it, show it in the browser (Ctrl-C ends it)
 #   make test     every test; prints part, progress and the time left
 #   make quick    the fast tests, in a minute
 #   make check    style, types, layers
@@ -16,11 +16,15 @@ READY := .venv/.installed
 BESIDE := .venv/.bench-installed
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: demo test quick check bench docs soak lock wheel deb
+.PHONY: help demo test quick check bench docs soak lock wheel deb
 .DELETE_ON_ERROR:
 
+help:
+	@sed -n 's/^#   make /make /p' $(firstword $(MAKEFILE_LIST))
+
+# fti demo ends with Ctrl-C, exit code 130, which is no error here; without the trap the shell reports an interrupt.
 demo: $(READY)
-	$(BIN)/fti demo
+	@trap : INT; $(BIN)/fti demo || [ $$? -eq 130 ]
 
 test: $(READY)
 	@$(BIN)/python -m tests.run
