@@ -73,23 +73,24 @@ def session_jobs(
 ) -> list[Job]:
     """Score each flight of each session by the scenario that its truth names.
 
+    names : candidates; none: every shipped scenario
     Raises MissingError where a scenario has no session, ConfigError where a session is of none of the scenarios.
     """
     from fti.hil import scenario as scenarios
 
-    named = {name: scenarios.load(scenarios.find(name)) for name in names}
+    named = {name: scenarios.load(scenarios.find(name)) for name in names or scenarios.shipped_names()}
     if len(named) == len(recordings) == 1:
         (name, scenario), (recording,) = *named.items(), recordings
         return [Job(name, lambda: _score_session(recording, scenario, _truths(recording, truth), setup))]
-    jobs, missing = list[Job](), set(named)
+    jobs, missing = list[Job](), set(names)
     for recording in recordings:
         for job, scenario_names in _match_flights(recording, named, truth, setup):
             missing -= scenario_names
             jobs.append(job)
     unknown = any(job.name not in named for job in jobs)  # may belong to any scenario
     if missing and not unknown:
-        raise MissingError(f"{next(name for name in named if name in missing)}: no session belongs to this scenario")
-    return sorted(jobs, key=lambda job: list(named).index(job.name) if job.name in named else len(named))
+        raise MissingError(f"{next(name for name in names if name in missing)}: no session belongs to this scenario")
+    return sorted(jobs, key=lambda job: names.index(job.name) if job.name in names else len(names))
 
 
 def _match_flights(

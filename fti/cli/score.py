@@ -1,7 +1,8 @@
 """Compare the recorded session of an emulated flight with its scenario: flags, alarms and outputs.
 
 SCENARIO is the name of a shipped scenario (fti hil --list), "all", or a file.  SESSION is the recording of the daemon
-during the flight.  With several sessions the truth file of each names its scenario.
+during the flight.  With several sessions, or without SCENARIO, the truth file of each session names its scenario;
+without SCENARIO it must be a shipped one.
 
 For each fault it lists the expected flags and the alarms that follow from them (/fti/alarm IDENTITY), whether they are
 in the session, with which latency, and whether they cleared; then flags and alarms that no fault explains; then the
@@ -14,7 +15,7 @@ scenario's own [[expect]] rows.
 A session of fti demo contains its truth files; it may hold several flights, and each is scored:
 
   fti demo --scenario silence --duration 100
-  fti score silence data/demo_20260102T030405Z_0 --plot silence.png
+  fti score data/demo_20260102T030405Z_0 --plot silence.png
 
   fti score silence --fly /tmp                     flies it first, accelerated, without ports and daemon
   fti score all --fly /tmp/flown --junit all.xml   flies and scores every scenario, each below /tmp/flown/SCENARIO
@@ -124,7 +125,6 @@ def _jobs(args: argparse.Namespace, opened: list[Recording]) -> list[Job]:
         return opened[-1]
 
     names, sessions = split_names(args.files, bool(args.fly))
-    _reject(args, not names, "SCENARIO: missing; name at least one")
     _reject(args, args.fly and sessions, "SESSION: not with --fly, which records its own session")
     _reject(args, not args.fly and not sessions, "SESSION: missing; name one, or give --fly DIR")
     _reject(args, args.truth and len(sessions) != 1, "--truth: only with exactly one SESSION")

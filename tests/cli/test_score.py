@@ -203,6 +203,17 @@ def test_one_that_fails_is_reported_beside_one_that_holds(
     assert [one["outcome"] for one in json.loads(capsys.readouterr().out)] == ["failed", "holds"]
 
 
+def test_a_session_alone_is_scored_by_the_shipped_scenario_that_its_truth_names(
+    several: dict[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["score", several["session"]]) == 2
+    refused = capsys.readouterr().err
+    assert "is the truth of 'test', seed 1, and not of" in refused and "fti score SCENARIO.toml SESSION" in refused
+    monkeypatch.setattr(scenarios, "shipped_names", lambda: [several["scenario"], several["later"]])
+    assert main(["score", several["later_session"], "--json"]) == 0
+    assert [one["scenario"] for one in json.loads(capsys.readouterr().out)] == ["later"]
+
+
 def test_a_session_of_none_of_the_scenarios_is_refused(
     several: dict[str, str], recorded: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -23,6 +23,8 @@ from fti.terrain.demo_scene import DEMO_AIRFIELD
 
 #: A longer lateness is a pause of the bench, in which flags may be missing [s].
 PAUSE_S = 0.15
+#: Titles of scenarios in an error.
+MAX_TITLES = 3
 #: Rounding of the times of an accelerated flight [ns].
 ROUNDING_NS = 1000
 
@@ -131,8 +133,14 @@ def find_scenarios(file: Path, scenarios: Iterable[Scenario]) -> list[Scenario]:
     truth_scenario = _read_scenario(file, head)
     matches = [scenario for scenario in named if not differing_keys(scenario, truth_scenario)]
     if not matches:
-        titles = ", ".join(repr(scenario.title) for scenario in named)
-        raise _wrong_scenario(file, head, f"of the present version of any scenario: {titles}")
+        titles = ", ".join(repr(scenario.title) for scenario in named[:MAX_TITLES])
+        more = ", ..." if len(named) > MAX_TITLES else ""
+        raise _wrong_scenario(
+            file,
+            head,
+            f"of the present version of any scenario: {titles}{more}; name the file of its scenario: "
+            "fti score SCENARIO.toml SESSION",
+        )
     return matches
 
 
