@@ -16,7 +16,7 @@ READY := .venv/.installed
 BESIDE := .venv/.bench-installed
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: help demo test quick check bench docs soak lock wheel deb
+.PHONY: help demo test quick check bench wheel deb docs soak lock
 .DELETE_ON_ERROR:
 
 help:

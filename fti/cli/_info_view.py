@@ -11,6 +11,7 @@ from typing import Any
 from fti.alarms.condition import Severity
 from fti.constants import SECOND_NS
 from fti.logger.reading.session_metadata import remarks
+from fti.logger.statistics.alarm_spans import AlarmSpan
 from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
 from fti.messages.topics import RAW_PREFIX, TICK_TOPIC
@@ -169,10 +170,15 @@ def _alarms(view: Overview) -> Iterator[str]:
     yield ""
     yield "alarms" + ("" if len(chosen) == total else f", {len(chosen)} of {total}; --json has them all")
     for span in sorted(chosen, key=lambda span: span.begin_ns):
-        duration = "to the end" if span.end_ns is None else f"{(span.end_ns - span.begin_ns) / SECOND_NS:.1f} s"
-        acknowledged = f", acknowledged by {span.acknowledged_by}" if span.acknowledged_by else ""
-        cause = f": {span.cause}" if span.cause else ""
-        yield f"  {_when(view, span.begin_ns)}  {span.severity}: {span.title}{cause} ({duration}{acknowledged})"
+        yield f"  {_when(view, span.begin_ns)}  {alarm_text(span)}"
+
+
+def alarm_text(span: AlarmSpan) -> str:
+    """One alarm as text."""
+    duration = "to the end" if span.end_ns is None else f"{(span.end_ns - span.begin_ns) / SECOND_NS:.1f} s"
+    acknowledged = f", acknowledged by {span.acknowledged_by}" if span.acknowledged_by else ""
+    cause = f": {span.cause}" if span.cause else ""
+    return f"{span.severity}: {span.title}{cause} ({duration}{acknowledged})"
 
 
 def _events(view: Overview) -> Iterator[str]:

@@ -18,6 +18,7 @@ from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import RecordingStatistics, TopicStatistics, collect_statistics, time_span
 from fti.messages.measurements import TimeScale
 from fti.messages.topics import RAW_PREFIX, SENT_PREFIX
+from fti.post.flight_summary import FlightSummary
 
 CONTINUOUS = "continuous"
 
@@ -54,13 +55,15 @@ class Overview:
     begin_ns: int
     end_ns: int
     rates: Mapping[str, float]
+    flight: FlightSummary
 
     @classmethod
     def make(cls, recording: Recording) -> Overview:
         """Read everything, once."""
-        statistics = collect_statistics(recording)
+        flight = FlightSummary()
+        statistics = collect_statistics(recording, flight.handlers)
         files = [_file_state(recording, path) for path in recording.files]
-        return cls(recording, statistics, files, *time_span(statistics.topics), configured_rates(recording))
+        return cls(recording, statistics, files, *time_span(statistics.topics), configured_rates(recording), flight)
 
     @property
     def session_metadata(self) -> Mapping[str, str]:

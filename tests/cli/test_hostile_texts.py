@@ -35,6 +35,7 @@ EVIL = "x\x1b]0;owned\x07\x1b[2J\nINJECTED\r\x9b31m\x7f\u202egnp.exe\u2028[bold 
 FORBIDDEN = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]")
 COMMANDS = (
     ("info",),
+    ("info", "-v"),
     ("info", "--json"),
     ("verify",),
     ("export", "--out", "tables", "--raw"),

@@ -92,7 +92,7 @@ def test_json_reports_everything(folder: SessionFolder, capsys: pytest.CaptureFi
 def test_text_reports_it_to_a_person(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     record_with_gap(folder)
     record_derived(folder)
-    assert info(folder) == 0
+    assert info(folder, "-v") == 0
     text = capsys.readouterr().out
     lines = text.splitlines()
     for words in (
@@ -127,7 +127,7 @@ def test_gnss_time_is_reported(
     for known in ({}, gnss, {}):
         log.write_table("/fti/device_clock", STARTED, {"t_ns": STARTED, "clocks": {}, "gnss": known})
     log.close()
-    assert info(folder) == 0
+    assert info(folder, "-v") == 0
     assert (
         f"UTC - FTI time +3600.250000 s by gnss ({scale}): started 2026-01-02 04:04:05 UTC" in capsys.readouterr().out
     )
@@ -141,7 +141,7 @@ def test_gnss_time_is_reported(
 def test_the_pictures_of_all_topics_are_as_wide(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     record_with_gap(folder)
     record_derived(folder)
-    info(folder)
+    info(folder, "-v")
     lines = capsys.readouterr().out.splitlines()
     head = next(n for n, line in enumerate(lines) if line.startswith("activity"))
     pictures = lines[head + 1 : lines.index("", head)]
@@ -151,7 +151,7 @@ def test_the_pictures_of_all_topics_are_as_wide(folder: SessionFolder, capsys: p
 
 def test_a_snapshot_session_reports_it(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     record_snapshots(folder, range(50, 150))
-    assert info(folder) == 0
+    assert info(folder, "-v") == 0
     assert "*** SNAPSHOT: not a continuous recording" in capsys.readouterr().out
     content = info_json(folder, capsys)
     assert content["mode"] == "snapshot" and content["remarks"][0].startswith("SNAPSHOT")
@@ -197,7 +197,7 @@ def test_a_session_in_several_folders_is_reported_as_one(tmp_path: Path, capsys:
     assert {topic["topic"]: topic["messages"] for topic in content["topics"]} == {"/raw/ins": 150, "/raw/radar": 150}
     assert [topic["gap_count"] for topic in content["topics"]] == [0, 0] and content["remarks"] == []
     assert [file["folder"] for file in content["files"]] == [str(first), str(second), str(first)]
-    assert main(["info", str(first), str(second)]) == 0
+    assert main(["info", "-v", str(first), str(second)]) == 0
     assert f"{second}/s_20260102T030405Z_0_001.mcap" in capsys.readouterr().out
 
 
@@ -228,10 +228,10 @@ def test_a_snapshot_beside_the_recording_counts_nothing_twice(
     folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     record_with_gap(folder)
-    assert info(folder) == 0
+    assert info(folder, "-v") == 0
     alone = [line.split() for line in capsys.readouterr().out.splitlines()]
     shutil.copy(folder.files("raw")[0], folder.path / f"{folder.name}_snapshot_000.mcap")
-    assert info(folder) == 0
+    assert info(folder, "-v") == 0
     both = [line.split() for line in capsys.readouterr().out.splitlines() if "_snapshot_000.mcap" not in line]
     assert both == alone
     assert main(["export", str(folder.path), "--out", str(tmp_path / "t"), "--raw"]) == 0
@@ -245,7 +245,7 @@ def test_a_killed_and_a_damaged_file_are_reported(
     log = record_raw(folder, range(230))
     killed = SessionFolder(Path(shutil.copytree(folder.path, tmp_path / "killed")))
     log.close()
-    assert info(killed) == 3
+    assert info(killed, "-v") == 3
     found = capsys.readouterr()
     assert "ends after byte" in found.out and "ends after byte" in found.err
     path = folder.files("raw")[0]
@@ -269,7 +269,7 @@ def test_a_packed_file_is_read_and_named(tmp_path: Path, capsys: pytest.CaptureF
         for n in range(100):
             writer.add_message(channel, STARTED + n * SECOND, b"x" * 50, STARTED + n * SECOND, n)
         writer.finish()  # type: ignore[no-untyped-call]
-    assert main(["info", str(path)]) == 0
+    assert main(["info", "-v", str(path)]) == 0
     text = capsys.readouterr().out
     assert "finished, packed (zstd)" in text and "/raw/ins" in text
 
@@ -338,7 +338,7 @@ def test_alarms_are_listed_with_their_durations(folder: SessionFolder, capsys: p
     for change in alarms.take_changes():
         log.write_json("/fti/alarm", change.t_ns, to_table(change))
     log.close()
-    assert info(folder) == 0
+    assert info(folder, "-v") == 0
     text = capsys.readouterr().out
     assert "warning: GROUND CLEARANCE ALERT: obstacle (3.0 s, acknowledged by anna)" in text
     assert "caution: LINK INS SILENT (to the end)" in text

@@ -7,6 +7,7 @@ from pathlib import Path
 #: Of a session: each as it is called.
 SESSION_COMMANDS: dict[str, tuple[str, ...]] = {
     "info": ("info", "SESSION"),
+    "info -v": ("info", "-v", "SESSION"),
     "info --json": ("info", "SESSION", "--json", "--plot", "OUT/activity.html"),
     "verify": ("verify", "SESSION"),
     "verify --json": ("verify", "SESSION", "--json"),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -191,8 +192,13 @@ class RecordingStatistics:
                 self.gnss = {**gnss, **texts, **times}
 
 
-def collect_statistics(recording: Recording) -> RecordingStatistics:
-    """Topics in the order of ``PREFIXES``, silent links too; events and clocks.  Reads everything, once."""
+def collect_statistics(
+    recording: Recording, more_handlers: Mapping[str, Callable[[McapMessage], None]] = MappingProxyType({})
+) -> RecordingStatistics:
+    """Topics in the order of ``PREFIXES``, silent links too; events and clocks.  Reads everything, once.
+
+    more_handlers : functions that get the messages of a topic as well
+    """
     topics: dict[tuple[Kind, str], TopicStatistics] = {}
     statistics = RecordingStatistics([])
     handlers = {
@@ -200,6 +206,7 @@ def collect_statistics(recording: Recording) -> RecordingStatistics:
         ALARM_TOPIC: statistics.add_alarm,
         CLOCK_TOPIC: statistics.add_clock,
         DEVICE_CLOCK_TOPIC: statistics.add_device_clocks,
+        **more_handlers,
     }
     home: Kind = "snapshot" if recording.is_snapshot_session else "raw"
     for link in recording.links if recording.frame_files else ():
