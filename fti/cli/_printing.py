@@ -1,21 +1,43 @@
 """The only output functions of the command line: they escape control characters, so a text cannot control the terminal.
 
-Every other module of the command line prints through these functions.
+Every other module of the command line prints through these functions.  On a terminal a line that is too long is folded;
+elsewhere it stays one line for scripts.
 """
 
 from __future__ import annotations
 
 import json
+import re
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable
 from typing import Any
 
 from fti.terminal_text import escape_controls
 
+#: Between two columns of a table.
+COLUMN_GAP = re.compile(r"(?<=\S)  +(?=\S)")
+#: Further indentation of the parts of a line without columns.
+CONTINUATION = 4
+#: A folded line is not indented farther than this share of the width.
+MAX_FOLD_SHARE = 0.75
+
 
 def print_line(text: object, *, error: bool = False, flush: bool = False) -> None:
     """Print one line.  error : on standard error"""
-    print(escape_controls(str(text)), file=sys.stderr if error else sys.stdout, flush=flush)
+    stream, line = sys.stderr if error else sys.stdout, escape_controls(str(text))
+    lines = fold_line(line, shutil.get_terminal_size().columns) if stream.isatty() else [line]
+    print("\n".join(lines), file=stream, flush=flush)
+
+
+def fold_line(line: str, width: int) -> list[str]:
+    """A line, folded at spaces to fit a width: its parts begin below its last column, or indented."""
+    if len(line) <= width:
+        return [line]
+    columns = [gap.end() for gap in COLUMN_GAP.finditer(line) if gap.end() <= MAX_FOLD_SHARE * width]
+    indent = columns[-1] if columns else len(line) - len(line.lstrip()) + CONTINUATION
+    return textwrap.wrap(line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False)
 
 
 def print_lines(lines: Iterable[str], *, error: bool = False) -> None:

@@ -1,8 +1,8 @@
 """The ``fti`` command.
 
-Each other module of this package whose name does not begin with ``_`` is one command (``_`` in a name becomes ``-``).
-It has a docstring (its first line is the help, the rest the description), ``add_arguments(parser)`` and
-``run(args) -> exit code``.
+Each other module of this package whose name does not begin with ``_`` is one command (``_`` in a name becomes ``-``),
+and is in a group of ``_parser.GROUPS``.  It has a docstring (its first line is the help, the rest the description),
+``add_arguments(parser)`` and ``run(args) -> exit code``.
 
 Exit codes: 0 done; 1 a result does not hold; 2 usage or configuration error, or file/device not found (one sentence on
 standard error); 3 readable with losses; 130 interrupted, files closed.
@@ -11,18 +11,15 @@ standard error); 3 readable with losses; 130 interrupted, files closed.
 from __future__ import annotations
 
 import argparse
-import importlib
-import inspect
 import io
 import os
-import pkgutil
 import sys
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 
-import fti.cli
+from fti.cli._completion import COMPLETE, complete
+from fti.cli._parser import make_parser
 from fti.cli._printing import print_line
 from fti.errors import FtiError, RecordingError
 from fti.interrupts import track_interrupts
@@ -36,31 +33,6 @@ TRACEBACK = "FTI_TRACEBACK"
 FILES = ("session", "other", "file", "files", "config", "scenario", "reference", "airfield")
 
 
-def _commands() -> list[ModuleType]:
-    names = (m.name for m in pkgutil.iter_modules(fti.cli.__path__))
-    return [importlib.import_module(f"fti.cli.{n}") for n in sorted(names) if n != "main" and not n.startswith("_")]
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """The parser with every command."""
-    parser = argparse.ArgumentParser(
-        prog="fti", description="Flight-test data service: records every byte, navigates live, emulates the sensors."
-    )
-    sub = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in _commands():
-        text = inspect.getdoc(module) or ""
-        name = module.__name__.rsplit(".", 1)[1].strip("_").replace("_", "-")
-        command = sub.add_parser(
-            name,
-            help=text.partition("\n")[0].rstrip("."),
-            description=text,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        module.add_arguments(command)
-        command.set_defaults(run=module.run, parser=command)
-    return parser
-
-
 def _pydantic_errors() -> tuple[type[Exception], ...]:
     """Errors of pydantic when it cannot build a model; empty where it is not imported, because its import is slow."""
     core = sys.modules.get("pydantic_core")
@@ -72,6 +44,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # escape text that the terminal's encoding lacks
             stream.reconfigure(errors="backslashreplace")
+    if COMPLETE in os.environ:
+        complete(make_parser())
+    if not (sys.argv[1:] if argv is None else argv):
+        make_parser().print_help(sys.stderr)
+        return EXIT_WRONG
     args = argparse.Namespace(command="")
     try:
         return _run(argv, args)

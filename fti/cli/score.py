@@ -22,11 +22,13 @@ A session of fti demo contains its truth files; it may hold several flights, and
   fti score silence obstacle data/demo_*           each session by its scenario; a table at the end
 
   found           raised in time, and cleared in time
-  late, missing   a miss: exit code 1            does not clear   set longer than its cause explains: 1
+  late, missing   a miss: exit code 1
+  does not clear  set longer than its cause explains: 1
   not expected    a flag that nothing explains: 1
   not known yet   the daemon does not monitor this effect: not a miss and not a success
   outputs compared   no flag is expected; a wrong output of navigation that is flagged valid fails
-  not flown       the flight ended before        needs real ports   an accelerated flight has no ports
+  not flown       the flight ended before
+  needs real ports   an accelerated flight has no ports
   nothing is due  too short or too small to be detected; or of a device that navigation does not use
   not compared: start   the unit was starting, which may take 10 s, and no time in an accelerated flight
   bench was late  the emulator was late at that time, according to its truth file; never in an accelerated flight
