@@ -1,71 +1,45 @@
-"""Output on standard error while a recording is read: remarks, a progress bar (in a terminal), file faults."""
+"""Output on standard error while a recording is read: remarks, progress, file faults."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fti.cli._printing import print_line
+from fti.cli._progress import show_progress
+from fti.logger.reading.file_statistics import file_statistics
 from fti.logger.reading.recording import Recording
-from fti.terminal_text import escape_controls
-
-if TYPE_CHECKING:
-    from rich.progress import Progress
-
-#: Period of the lines of progress without a terminal.
-LINE_PERIOD_S = 10.0
-
-
-def progress_bar() -> Progress:
-    """A bar on standard error; nothing where that is not a terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    return Progress(console=console, transient=True, disable=not console.is_terminal)
-
-
-def bar_title(text: str) -> str:
-    """A text from a file as the title of a bar; ``[...]`` is escaped, which rich takes for markup."""
-    from rich.markup import escape
-
-    return escape(escape_controls(text))
 
 
 @contextmanager
-def show_read_progress(recording: Recording, title: str, passes: int = 1) -> Iterator[None]:
-    """Show the read position as a bar, without a terminal as a line every 10 s.
+def show_read_progress(
+    recording: Recording, title: str, passes: int = 1, files: Sequence[Path] | None = None
+) -> Iterator[None]:
+    """Show the read position.  passes : how often the files are read; files : that are read (default: all)"""
+    total = passes * sum(path.stat().st_size for path in (recording.files if files is None else files))
+    done, last = 0, (Path(), 0)
 
-    title : before the bar; passes : how often all files are read
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+    def advance(path: Path, position: int) -> None:
+        nonlocal done, last
+        done += position - (last[1] if path == last[0] and position >= last[1] else 0)
+        last = path, position
+        show(title, done / max(total, 1))
 
-    console = Console(stderr=True)
-    total = passes * sum(path.stat().st_size for path in recording.files)
-    columns = TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(title, total=total)
-        last = Path(), 0
-        due_s = time.monotonic() + LINE_PERIOD_S
-
-        def advance(path: Path, position: int) -> None:
-            nonlocal last, due_s
-            same = path == last[0] and position >= last[1]
-            bar.advance(task, position - (last[1] if same else 0))
-            last = path, position
-            if bar.disable and time.monotonic() > due_s:
-                due_s = time.monotonic() + LINE_PERIOD_S
-                print_line(f"{title}: {min(bar.tasks[task].percentage, 99):.0f} %", error=True)
-
+    with show_progress(title) as show:
         recording.on_read = advance
         try:
             yield
         finally:
             recording.on_read = None
+
+
+@contextmanager
+def show_frame_progress(recording: Recording, title: str) -> Iterator[Callable[[int], None]]:
+    """Yield the function that shows the number of frames done; their total is known from the summaries of the files."""
+    total = sum(statistics.message_count for statistics in file_statistics(recording.frame_files))
+    with show_progress(title) as show:
+        yield lambda done: show(title, done / total if total else None)
 
 
 def report_remarks(recording: Recording, known: str = "") -> None:

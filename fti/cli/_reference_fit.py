@@ -71,7 +71,7 @@ def add_fit(fit: argparse.ArgumentParser) -> None:
 
 def fit(args: argparse.Namespace) -> int:
     """Fit, print, write."""
-    from fti.cli._read_report import progress_bar
+    from fti.cli._progress import show_progress
     from fti.cli._reference_fit_plot import draw_fit
     from fti.hil.approach_reference.fitted_receiver import as_toml, fit_receiver
     from fti.plot_style import write_figure
@@ -79,24 +79,20 @@ def fit(args: argparse.Namespace) -> int:
 
     if args.out is not None:
         check_output_path(args.out)
-    with progress_bar() as bar:
-        reading, loading = bar.add_task("recordings", total=len(args.sessions)), bar.add_task("terrain", total=1.0)
-        fitting = bar.add_task("fit", total=1.0)
-        device, samples = _read(args, lambda n: bar.update(reading, completed=n))
+    with show_progress("recordings") as show:
+        device, samples = _read(args, lambda number: show("recordings", number / len(args.sessions)))
         settings = _config_of(args, args.sessions[0]).nav.terrain
         if settings is None:
             where = args.config or args.sessions[0]
             raise MissingError(f"{where}: nav.terrain: is missing; a fit needs known terrain (--config)")
-        loaded = load_terrain(
-            settings, lambda share: bar.update(loading, completed=share), local_only=args.config is None
-        )
+        loaded = load_terrain(settings, lambda share: show("terrain", share), local_only=args.config is None)
         receiver = fit_receiver(
             device,
             loaded.terrain,
             samples,
             models=("nearest", "beam") if args.model == "auto" else (args.model,),
             count=args.samples,
-            progress=lambda share: bar.update(fitting, completed=share),
+            progress=lambda share: show("fit", share),
         )
     if args.json:
         print_json(_as_json(receiver, args), indent=2)

@@ -57,11 +57,16 @@ def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Cal
     from fti.post.reprocess import other_setup
 
     def score(file: Path) -> list[Score]:
+        from fti.cli._progress import show_progress
         from fti.post.offline_run import fly
 
         scenario = scenarios.load(file)
-        folder = out if len(names) == 1 else out / file.stem
-        recording = open_(fly(scenarios.load_config(scenario, config), scenario, folder))
+        folder, step = out if len(names) == 1 else out / file.stem, f"flying {file.stem}"
+        with show_progress(step) as show:
+            flown = fly(
+                scenarios.load_config(scenario, config), scenario, folder, progress=lambda share: show(step, share)
+            )
+        recording = open_(flown)
         return _score_session(recording, scenario, recording.truth_files, other_setup(str(config)) if config else None)
 
     files = [scenarios.find(name) for name in names]

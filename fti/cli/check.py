@@ -87,13 +87,15 @@ def run(args: argparse.Namespace) -> int:
 def _check_config(file: CheckedFile, args: argparse.Namespace) -> int:
     from fti import config as configuration
     from fti.cli._check_view import lines
+    from fti.cli._progress import show_progress
 
     if args.config:
         args.parser.error(f"--config: only with a scenario; {args.file} is a configuration")
     config = configuration.parse(file.table, file.text, file.path)
     if args.links:
         config = configuration.with_links(config, args.links)
-    found = describe(config)
+    with show_progress("checking"):
+        found = describe(config)
     if args.live:
         found["live"] = _listen(config)
     print_json(found, indent=2) if args.json else print_lines(lines(found))
@@ -104,6 +106,7 @@ def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from fti.cli._emulator_run import print_notice
+    from fti.cli._progress import show_progress
     from fti.cli._scenario_view import describe, lines
     from fti.hil import scenario as scenarios
     from fti.hil.oracle.scenario_check import check_scenario
@@ -113,7 +116,8 @@ def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
             args.parser.error(f"--{option}: only with a configuration; {args.file} is a scenario")
     scenario = scenarios.parse(file.table, file.path)
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
-    found = describe(check_scenario(scenario, config, print_notice))
+    with show_progress("checking"):
+        found = describe(check_scenario(scenario, config, print_notice))
     print_json(found, indent=2) if args.json else print_lines(lines(found))
     return 0
 

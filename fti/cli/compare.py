@@ -57,10 +57,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _hashes(recording: Recording, only: list[str] | None) -> dict[str, LinkHash]:
     """The hashes of a session.  Raises MissingError when a link of ``only`` is missing."""
+    from fti.cli._read_report import show_read_progress
     from fti.errors import MissingError
     from fti.logger.verify.link_hash import link_hashes
 
-    found = link_hashes(recording)
+    with show_read_progress(recording, f"reading {recording.path}", files=recording.frame_files):
+        found = link_hashes(recording)
     for name in only or ():
         if name not in found:
             raise MissingError(f"{recording.path}: no link {name!r}; links: {', '.join(found)}")

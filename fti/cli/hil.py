@@ -96,14 +96,17 @@ def _draw(args: argparse.Namespace) -> int:
     """Plot the flight, without sensors and ports."""
     from fti import plot_style
     from fti.cli._emulator_run import print_notice
+    from fti.cli._progress import show_progress
     from fti.hil import scenario as scenarios
     from fti.hil.emulator import make_environment
     from fti.hil.flight_plot import draw_flight
 
-    world = make_environment(scenarios.load(scenarios.find(args.scenario)), print_notice)
-    for remark in world.remarks:
-        print_notice(remark)
-    plot_style.write_figure(lambda: draw_flight(world), args.plot)
+    with show_progress("preparing") as show:
+        world = make_environment(scenarios.load(scenarios.find(args.scenario)), print_notice)
+        for remark in world.remarks:
+            print_notice(remark)
+        show("drawing")
+        plot_style.write_figure(lambda: draw_flight(world), args.plot)
     return 0
 
 
@@ -118,6 +121,7 @@ def _prepare(args: argparse.Namespace) -> Emulator:
     from pathlib import Path
 
     from fti.cli._emulator_run import print_notice
+    from fti.cli._progress import show_progress
     from fti.clock import choose_epoch_ns
     from fti.hil import scenario as scenarios
     from fti.hil.emulator import Emulator
@@ -129,7 +133,8 @@ def _prepare(args: argparse.Namespace) -> Emulator:
     truth = Path(args.truth) if args.truth else None
     ports = PortBackend(Path(args.links), choose_epoch_ns(), scenario.port, print_notice)
     emulator = Emulator(config, scenario, ports, truth=truth)
-    emulator.prepare(print_notice, args.duration or float("inf"))
+    with show_progress("preparing"):
+        emulator.prepare(print_notice, args.duration or float("inf"))
     for overload in overloads(config, emulator.sensors):
         print_notice(overload)
     return emulator

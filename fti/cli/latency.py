@@ -27,14 +27,15 @@ def run(args: argparse.Namespace) -> int:
     """Estimate and print; 3 when a file could not be read to its end."""
     from pathlib import Path
 
-    from fti.cli._read_report import report_faults, report_remarks
+    from fti.cli._read_report import report_faults, report_remarks, show_read_progress
     from fti.logger.reading.recording import Recording
     from fti.post.latency import altimeter_latencies, as_line
 
     session = Path(args.session)
     recording = Recording.open(session)
     report_remarks(recording)
-    estimates = altimeter_latencies(recording, session)
+    with show_read_progress(recording, "reading", files=recording.derived_files):
+        estimates = altimeter_latencies(recording, session)
     if args.json:
         print_json({name: estimate and dataclasses.asdict(estimate) for name, estimate in estimates.items()})
     else:

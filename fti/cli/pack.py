@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Pack or unpack every file; 3 when a file was left unchanged."""
-    from fti.cli._read_report import bar_title, progress_bar
+    from fti.cli._progress import show_progress
     from fti.errors import RecordingError
     from fti.logger.packing.pack import pack, unpack
     from fti.logger.recovery.extract import session_files
@@ -44,16 +44,14 @@ def run(args: argparse.Namespace) -> int:
     results: list[PackResult] = []
     refused: list[str] = []
     paths = session_files(Path(args.session))
-    with progress_bar() as bar:
+    with show_progress("packing") as show:
         for path in paths:
-            task = bar.add_task(bar_title(path.name), total=path.stat().st_size * (1 if args.undo else 2))
+            total = path.stat().st_size * (1 if args.undo else 2)
             try:
-                packed = work(path, lambda n, task=task: bar.update(task, completed=n))  # type: ignore[misc]
+                packed = work(path, lambda done, path=path, total=total: show(path.name, done / total))  # type: ignore[misc]
             except RecordingError as error:
                 refused.append(str(error))
                 continue
-            finally:
-                bar.remove_task(task)
             if packed:
                 results.append(packed)
     for text in refused:

@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _close(session: str) -> int:
     """Close the files, then verify the session if one was open; 3 when a check fails or a file was left unchanged."""
+    from fti.cli._progress import show_progress
     from fti.errors import RecordingError, StorageError
     from fti.logger.reading.recording import Recording
     from fti.logger.recovery.close_unfinished import close_unfinished
@@ -60,7 +61,8 @@ def _close(session: str) -> int:
     code, is_changed = 0, False
     for path in Recording.open(session).files:
         try:
-            closed = close_unfinished(path)
+            with show_progress(f"closing {path.name}"):
+                closed = close_unfinished(path)
         except (RecordingError, StorageError) as error:
             print_line(f"fti: {error}", error=True)
             code = 3
@@ -71,7 +73,11 @@ def _close(session: str) -> int:
         print_line(closed.describe_loss() or f"{path}: closed")
         print_line(f"{path}: holds {closed.messages} messages")
         is_changed = True
-    if not is_changed or (report := verify(Recording.open(session))).holds:
+    if not is_changed:
+        return code
+    with show_progress("verifying") as show:
+        report = verify(Recording.open(session), lambda done, total: show("verifying", done / max(total, 1)))
+    if report.holds:
         return code
     print_lines(report.findings[:MAX_SHOWN])
     print_line(f"not verified to be complete; all findings: fti verify {session}")
@@ -79,14 +85,13 @@ def _close(session: str) -> int:
 
 
 def _extract(session: Path, out: Path | None, *, as_json: bool) -> int:
-    from fti.cli._read_report import progress_bar
+    from fti.cli._progress import show_progress
     from fti.logger.recovery.extract import extract_session, session_files
 
     total = sum(path.stat().st_size for path in session_files(session))
     folder = out or session.absolute().with_name(f"{session.absolute().stem}_recovered")
-    with progress_bar() as bar:
-        task = bar.add_task("bytes", total=total)
-        report = extract_session(session, folder, lambda done: bar.update(task, completed=done))
+    with show_progress("copying") as show:
+        report = extract_session(session, folder, lambda done: show("copying", done / max(total, 1)))
     if as_json:
         print_json({"out": str(folder), **report.as_json()})
     else:

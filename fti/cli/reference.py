@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,16 +28,13 @@ from fti.cli._reference_fit import FIT, add_fit, check_output_path, fit, write_o
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
+    from fti.cli._progress import ShowShare
     from fti.hil.approach_reference.approaches import AltimeterModel, Spread
     from fti.hil.approach_reference.receivers import ReceiverVariant
     from fti.nav.integrity.approach import ApproachPath
     from fti.nav.integrity.reference import ApproachReference, Limits
     from fti.terrain.terrain import Terrain
 
-#: Shows the completed share of a kind of work.
-ShowShare = Callable[[str, float], None]
 #: Margin around the approach for which elevation is read [m]: lateral offsets of aircraft, and their beams.
 TERRAIN_MARGIN_M = 1500.0
 #: A larger post spacing below the track gives a warning [m]: two bins of the profile.
@@ -86,16 +83,16 @@ def _read(path: Path) -> str:
 
 
 def _make(args: argparse.Namespace) -> int:
-    from fti.cli._read_report import progress_bar
+    from fti.cli._progress import show_progress
     from fti.cli._reference_altimeter import check_alert_limit, load, model_of
     from fti.nav.integrity.approach import ApproachPath, load_airfield
 
     config = load(args.config)
     path = ApproachPath(load_airfield(_read(args.airfield), str(args.airfield)))
     check_output_path(args.out)
-    with progress_bar() as bar:
+    with show_progress("recordings" if args.recorded else "terrain") as show:
         make = _from_recordings if args.recorded else _from_terrain
-        reference = make(args, path, model_of(args, config), _show_shares(bar))
+        reference = make(args, path, model_of(args, config), show)
     write_output(args.out, reference.to_text())
     limits = reference.header.limits
     print_line(
@@ -243,18 +240,6 @@ def _remark_on_posts(terrain: Terrain, path: ApproachPath, args: argparse.Namesp
             "reference on a recorded flight (fti reprocess) before use",
             error=True,
         )
-
-
-def _show_shares(bar: Progress) -> ShowShare:
-    """The function that shows the completed share of a kind of work, 0 to 1, each with a bar of its own."""
-    tasks: dict[str, TaskID] = {}
-
-    def show(what: str, share: float) -> None:
-        if what not in tasks:
-            tasks[what] = bar.add_task(what, total=1.0)
-        bar.update(tasks[what], completed=share)
-
-    return show
 
 
 def _info(args: argparse.Namespace) -> int:

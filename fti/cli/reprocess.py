@@ -24,10 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Reprocess with a progress bar on standard error."""
+    """Reprocess with progress on standard error."""
     from pathlib import Path
 
-    from fti.cli._read_report import progress_bar, report_remarks
+    from fti.cli._read_report import report_remarks, show_frame_progress
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup, recorded_setup, reprocess
 
@@ -35,14 +35,7 @@ def run(args: argparse.Namespace) -> int:
     recording = Recording.open(session)
     report_remarks(recording)
     setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
-    with progress_bar() as bar:
-        task = bar.add_task("frames", total=None)
-        folder = reprocess(
-            recording,
-            setup,
-            Path(args.out),
-            as_flown=args.as_flown,
-            progress=lambda seq: bar.update(task, completed=seq),
-        )
+    with show_frame_progress(recording, "reprocessing") as progress:
+        folder = reprocess(recording, setup, Path(args.out), as_flown=args.as_flown, progress=progress)
     print_line(folder)
     return 0

@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Any
 from fti.cli._printing import print_json, print_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
+    from fti.cli._progress import ShowShare
     from fti.study import DrawFigure, Study, StudyResult
 
 
@@ -39,9 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run a study with a progress bar on standard error; 1 when a result does not hold."""
+    """Run a study with progress on standard error; 1 when a result does not hold."""
     from fti import study
-    from fti.cli._read_report import progress_bar
+    from fti.cli._progress import show_progress
     from fti.errors import MissingError
     from fti.parallel_runs import on_cluster
 
@@ -54,12 +53,9 @@ def run(args: argparse.Namespace) -> int:
     name, runs = study.name_of(chosen), args.runs or chosen.RUNS
     seed = chosen.SEED if args.seed is None else args.seed
     plots = _plots(chosen, seed, args.plots) if args.plots else {}
-    with progress_bar() as bar, on_cluster(args.scheduler):
-        task = bar.add_task(name, total=1.0)
-        results = chosen.study(runs, seed, lambda share: bar.update(task, completed=share))
-        if plots:
-            plotting = bar.add_task("plots", total=len(plots))
-            _draw(plots, lambda: bar.advance(plotting))
+    with show_progress(name) as show, on_cluster(args.scheduler):
+        results = chosen.study(runs, seed, lambda share: show(name, share))
+        _draw(plots, show)
     table = {"name": name, "runs": runs, "seed": seed, "results": list(map(dataclasses.asdict, results))}
     if plots:
         table["plots"] = list(map(str, plots))
@@ -82,12 +78,12 @@ def _plots(chosen: Study, seed: int, folder: Path) -> dict[Path, DrawFigure]:
     return plots
 
 
-def _draw(plots: dict[Path, DrawFigure], done: Callable[[], None]) -> None:
+def _draw(plots: dict[Path, DrawFigure], show: ShowShare) -> None:
     from fti.plot_style import write_figure
 
-    for file, draw in plots.items():
+    for number, (file, draw) in enumerate(plots.items()):
+        show("plots", number / len(plots))
         write_figure(draw, file)
-        done()
 
 
 def as_text(table: dict[str, Any], results: list[StudyResult]) -> str:

@@ -29,10 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Decode the session with a progress bar on standard error; 3 when a file could not be read to its end."""
+    """Decode the session with progress on standard error; 3 when a file could not be read to its end."""
     from pathlib import Path
 
-    from fti.cli._read_report import progress_bar, report_faults, report_remarks
+    from fti.cli._read_report import report_faults, report_remarks, show_frame_progress
     from fti.logger.reading.recording import Recording
     from fti.logger.reading.session_metadata import SNAPSHOT_NOTE
     from fti.new_file import write_new_file
@@ -47,9 +47,8 @@ def run(args: argparse.Namespace) -> int:
     recording = Recording.open(session)
     report_remarks(recording, known="" if args.json else SNAPSHOT_NOTE)
     setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
-    with progress_bar() as bar:
-        task = bar.add_task("frames", total=None)
-        sync = analyse(recording, setup.devices, lambda done: bar.update(task, completed=done))
+    with show_frame_progress(recording, "decoding") as progress:
+        sync = analyse(recording, setup.devices, progress)
     if args.out:
         write(sync, Path(args.out))
     if args.plot:

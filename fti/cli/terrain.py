@@ -95,28 +95,25 @@ def _arguments(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from fti.cli._read_report import progress_bar
+    from fti.cli._progress import show_progress
     from fti.cli._terrain_view import as_json, as_text
     from fti.terrain.files.file_survey import survey
 
-    with progress_bar() as bar:
-        task = bar.add_task("reading", total=1.0)
-        found = survey(args.files, **_arguments(args), progress=lambda share: bar.update(task, completed=share))
+    with show_progress("reading") as show:
+        found = survey(args.files, **_arguments(args), progress=lambda share: show("reading", share))
     print_json(as_json(found), indent=2) if args.json else print_lines(as_text(found))
     return 0
 
 
 def _plot(args: argparse.Namespace) -> int:
-    from fti.cli._read_report import progress_bar
+    from fti.cli._progress import show_progress
     from fti.cli._terrain_map import draw_map
     from fti.plot_style import write_figure
     from fti.terrain.files.open_terrain import open_terrain
 
-    with progress_bar() as bar:
-        task = bar.add_task("reading", total=1.0)
-        terrain = open_terrain(args.files, **_arguments(args), progress=lambda share: bar.update(task, completed=share))
-        drawing = bar.add_task("drawing", total=None)
+    with show_progress("reading") as show:
+        terrain = open_terrain(args.files, **_arguments(args), progress=lambda share: show("reading", share))
+        show("drawing")
         write_figure(lambda: draw_map(terrain, args.profile), args.out)
-        bar.update(drawing, total=1.0, completed=1.0)
     print_line(args.out)
     return 0

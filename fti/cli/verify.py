@@ -50,14 +50,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Verify and print; 3 when data are lost, 1 when a check does not hold."""
-    from fti.cli._read_report import progress_bar
+    from fti.cli._progress import show_progress
     from fti.logger.reading.recording import Recording
     from fti.logger.verify.verification import verify
 
     recording = Recording.open(*args.session)
-    with progress_bar() as bar:
-        task = bar.add_task("verifying", total=None)
-        report = verify(recording, lambda done, total: bar.update(task, completed=done, total=total))
+    with show_progress("verifying") as show:
+        report = verify(recording, lambda done, total: show("verifying", done / max(total, 1)))
     print_json(as_json(report)) if args.json else print_lines(as_text(report))
     return CODES[report.result]
 

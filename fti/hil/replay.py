@@ -9,13 +9,9 @@ itself transmitted are not replayed.
 from __future__ import annotations
 
 import asyncio
-import struct
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 
 from fti.config import Config, LinkTable, UdpLink
 from fti.constants import SECOND_NS
@@ -25,6 +21,7 @@ from fti.hil.prefetch_process import PrefetchProcess, PrefetchRequest
 from fti.hil.replay_clock import FrameStream, ReplayClock
 from fti.hil.report import TransmissionReport
 from fti.hil.scheduler import Scheduler
+from fti.logger.reading.file_statistics import file_statistics
 from fti.logger.reading.recording import Recording
 from fti.messages.frames import RawFrame
 
@@ -137,15 +134,8 @@ class Replay:
 
 def length_s(recording: Recording) -> float | None:
     """Duration of a recording [s] by the summaries of its files; None when a file has no summary."""
-    begins, ends = [], []
-    for path in recording.frame_files:
-        with path.open("rb") as file:
-            try:
-                summary = make_reader(file).get_summary()
-            except (McapError, ValueError, LookupError, struct.error, OverflowError, MemoryError):
-                return None
-        if summary is None or summary.statistics is None:
-            return None
-        begins.append(summary.statistics.message_start_time)
-        ends.append(summary.statistics.message_end_time)
-    return (max(ends) - min(begins)) / SECOND_NS if begins else None
+    files = file_statistics(recording.frame_files)
+    if not files:
+        return None
+    begin_ns, end_ns = min(file.message_start_time for file in files), max(file.message_end_time for file in files)
+    return (end_ns - begin_ns) / SECOND_NS

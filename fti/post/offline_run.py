@@ -161,24 +161,36 @@ class OfflineSession:
 
 
 def fly(
-    config: Config, scenario: Scenario, out: Path, *, world: Environment | None = None, until_s: float | None = None
+    config: Config,
+    scenario: Scenario,
+    out: Path,
+    *,
+    world: Environment | None = None,
+    until_s: float | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Path:
     """Fly a scenario through the decode chain; returns the session folder below ``out``, with the truth file.
 
-    world : made from the scenario when None; until_s : end of the flight [s].  Raises the errors of the emulator; the
-    files are closed properly in any case.
+    world : made from the scenario when None; until_s : end of the flight [s]; progress : gets the completed share
+    Raises the errors of the emulator; the files are closed properly in any case.
     """
     world = world or make_environment(scenario)
+    duration_s = world.duration if until_s is None else min(until_s, world.duration)
     folder = SessionFolder.create(out, config.session.name, BEGIN_NS)
     session = OfflineSession(config, folder, {"name": config.session.name, "origin": "hil", "accelerated": "true"})
     with contextlib.closing(session):
         for k in range(-LEAD_TICKS, 0):
             session.tick(BEGIN_NS + k * TICK_PERIOD_NS)
+
+        def tick() -> None:
+            t_ns = backend.clock.now_ns()
+            session.tick(t_ns)
+            progress((t_ns - BEGIN_NS) / SECOND_NS / duration_s)
+
         backend = MemoryBackend(
-            lambda link, data: session.receive(link, data, backend.clock.now_ns()),
-            [TickStream(lambda: session.tick(backend.clock.now_ns()))],
+            lambda link, data: session.receive(link, data, backend.clock.now_ns()), [TickStream(tick)]
         )
         emulator = Emulator(config, scenario, backend, truth=folder.next_path("truth"), world=world)
         emulator.start()
-        asyncio.run(emulator.run(duration_s=world.duration if until_s is None else min(until_s, world.duration)))
+        asyncio.run(emulator.run(duration_s=duration_s))
     return folder.path

@@ -260,7 +260,7 @@ def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
 def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, progress: Progress) -> Path:
     """Run navigation over a recording; returns the new session folder below ``out``.
 
-    progress : called periodically with the sequence number of the last frame
+    progress : called periodically with the number of frames done
     """
     segments = read_navigation_runs(recording) if as_flown else [NavigationRun(0, None)]
     frames = recording.frames()
@@ -288,11 +288,11 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
             _write(fresh.restore(segment.restored.refusals, segment.restored.t_ns), log)
             readmission_replay = _ReadmissionReplay(fresh, setup.readmissions_in(segment))
             chain = _TerrainReplay(readmission_replay, ground, setup.terrain_note_of(segment))
-            for frame in _feed(frames, segment, chain, log):
+            for _ in _feed(frames, segment, chain, log):
                 done += 1
                 if done % FLUSH_FRAMES == 0:
                     log.flush()
-                    progress(frame.seq)
+                    progress(done)
             frames = recording.frames()
         log.close()
     return folder.path

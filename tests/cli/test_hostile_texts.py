@@ -16,7 +16,6 @@ from rich.console import Console
 from fti.alarms.alarm_list import Alarm
 from fti.alarms.condition import Condition, Severity
 from fti.cli._printing import print_json, print_line, print_status
-from fti.cli._read_report import bar_title
 from fti.cli._watch_view import render
 from fti.cli.main import main
 from fti.clock import FakeClock
@@ -145,10 +144,6 @@ def test_the_terminal_picture_takes_no_text_as_a_command_or_as_markup() -> None:
         alarm = Alarm(Condition(EVIL, Severity.WARNING, EVIL, EVIL), 0, 0, acknowledged_by=EVIL).as_json()
         row = {**alarm, "severity": EVIL, "is_acknowledged": False, "consequences": []}
         console.print(render(live.state(0) | {"alarms": [row]}))
-    assert "[bold red]m[/]" in shown.get()
-    assert FORBIDDEN.search(shown.get()) is None
-    with console.capture() as shown:
-        console.print(bar_title(EVIL))
     assert "[bold red]m[/]" in shown.get()
     assert FORBIDDEN.search(shown.get()) is None
 

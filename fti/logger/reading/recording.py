@@ -175,6 +175,8 @@ class Recording:
                 yield chunk
                 if self.on_read:
                     self.on_read(path, file.position)
+            if self.on_read:
+                self.on_read(path, path.stat().st_size)
             if file.fault:
                 self.faults[path] = FileFault(path, file.fault)
 
