@@ -15,8 +15,8 @@ from fti.cli._printing import fold_line, print_lines
 
 #: The commands by task, each in the order of its use.  A command is the module of that name in this package.
 GROUPS: dict[str, tuple[str, ...]] = {
-    "first steps": ("demo",),
-    "before the flight": ("ports", "listen", "check", "drivers", "topics", "decode"),
+    "first steps": ("demo", "examples"),
+    "before the flight": ("ports", "listen", "new", "check", "preflight", "drivers", "topics", "decode"),
     "record and navigate": ("run",),
     "during the flight": ("watch", "page", "mark", "acknowledge", "readmit", "send"),
     "after the flight": ("info", "verify", "recover", "pack", "sync", "latency", "export", "reprocess"),

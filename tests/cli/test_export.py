@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 import signal
 import subprocess
 import sys
@@ -251,15 +250,6 @@ def test_a_damaged_recording_gives_what_is_there(
     assert export(folder, tmp_path / "t", "--raw") == 3
     assert f"{path}: ends after byte" in capsys.readouterr().err
     assert 0 < len(read_table(tmp_path / "t" / "raw_ins.csv")) <= 150
-
-
-def test_progress_is_a_line_without_a_terminal(
-    folder: SessionFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("fti.cli._read_report.LINE_PERIOD_S", -1.0)
-    assert export(folder, tmp_path / "t") == 0
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("exporting: ")]
-    assert len(lines) >= 4 and all(re.fullmatch(r"exporting: \d+ %", line) for line in lines)
 
 
 def test_missing_sessions_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

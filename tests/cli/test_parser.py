@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 import fti.cli
+from fti.cli._man_page import pages
 from fti.cli._parser import GROUPS, make_parser
 from fti.cli._printing import fold_line, print_line
 from fti.cli.main import main
@@ -229,3 +230,11 @@ def test_a_folder_that_cannot_be_written_is_an_error(tmp_path: Path, capsys: pyt
     (tmp_path / "man1").write_text("")
     assert main(["completion", "man", str(tmp_path)]) == 2
     assert f"{tmp_path / 'man1'}: cannot be written" in capsys.readouterr().err
+
+
+def test_text_that_roff_would_interpret_is_escaped() -> None:
+    parser = make_parser()
+    (commands,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    commands.choices["run"].description = "Title.\n\n.TH a macro\n\n'quote -x \\fB"
+    lines = pages(parser)["fti-run.1"].splitlines()
+    assert r"\&.TH a macro" in lines and r"\&'quote \-x \efB" in lines
