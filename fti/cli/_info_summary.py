@@ -9,11 +9,12 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from fti.cli._info_view import ORIGINS, SEVERITIES, alarm_text, duration_text, moment, size_text
+from fti.constants import SECOND_NS
 from fti.logger.reading.session_metadata import remarks
 from fti.logger.statistics.topic_stats import MARKS
 from fti.messages.topics import RAW_PREFIX
 from fti.post.flight_summary import Approach
-from fti.post.overview import SECOND_NS, Overview
+from fti.post.overview import Overview
 
 INDENT = 14
 SHOWN = 3
