@@ -23,6 +23,7 @@ from fti.cli._parser import make_parser
 from fti.cli._printing import print_line
 from fti.errors import FtiError, RecordingError
 from fti.interrupts import track_interrupts
+from fti.quick_exit import skip_last_collection
 
 EXIT_WRONG = 2
 EXIT_LOSSES = 3
@@ -41,6 +42,7 @@ def _pydantic_errors() -> tuple[type[Exception], ...]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; an error is one sentence on standard error."""
+    skip_last_collection()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # escape text that the terminal's encoding lacks
             stream.reconfigure(errors="backslashreplace")

@@ -13,6 +13,7 @@ from fti.config import Config, position_sources
 from fti.logger.file_mode import set_file_mode
 from fti.messages.control import ToNavigation
 from fti.messages.outputs import Event
+from fti.quick_exit import skip_last_collection
 from fti.service.control_channel import await_startup
 from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
 from fti.service.navigation.process import NavigationProcess
@@ -23,6 +24,7 @@ NOT_COMPILED = "the session ended while navigation was compiled (first start onl
 
 def main(argv: Sequence[str] | None = None) -> int:
     """``python -m fti.service.navigation``: started by the supervisor alone."""
+    skip_last_collection()
     _end_before_recorder()
     if received := await_startup(argv, ToNavigation):
         channel, text, ring_fds = received
