@@ -36,8 +36,14 @@ def fold_line(line: str, width: int) -> list[str]:
     if len(line) <= width:
         return [line]
     columns = [gap.end() for gap in COLUMN_GAP.finditer(line) if gap.end() <= MAX_FOLD_SHARE * width]
-    indent = columns[-1] if columns else len(line) - len(line.lstrip()) + CONTINUATION
-    return textwrap.wrap(line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False)
+    parts = [line]
+    for indent in (*columns[-1:], len(line) - len(line.lstrip()) + CONTINUATION):
+        parts = textwrap.wrap(
+            line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
+        )
+        if max(map(len, parts)) <= width:
+            break  # otherwise a word is too long below its column
+    return parts
 
 
 def print_lines(lines: Iterable[str], *, error: bool = False) -> None:

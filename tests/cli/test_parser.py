@@ -90,6 +90,7 @@ def test_a_paragraph_is_as_wide_as_the_terminal(
         ("  indented two three four", ["  indented two", "      three four"]),
         ("name  a text of words", ["name  a text of", "      words"]),
         ("name  12.5  a text of words", ["name  12.5  a text", "            of", "            words"]),
+        ("name  12.5  a longer_word", ["name  12.5  a", "    longer_word"]),
         ("a_name_that_fills_all  text", ["a_name_that_fills_all", "    text"]),
     ],
 )
