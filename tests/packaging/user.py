@@ -14,7 +14,7 @@ from pathlib import Path
 NOBODY = 65534
 #: Interpreters to install for; an ordinary user must be able to run it.
 INTERPRETERS = (getattr(sys, "_base_executable", sys.executable), "/usr/bin/python3")
-TIMEOUT_S = 300.0
+TIMEOUT_S = 900.0  # the first start compiles, beside other tests
 
 
 def user_id() -> int:
