@@ -77,11 +77,12 @@ $(READY): requirements.lock pyproject.toml
 	if [ -z "$$python" ]; then \
 		echo "fti needs Python 3.11 or newer; tried: $(CANDIDATES). Name one with: make PYTHON=/path/to/python" >&2; exit 2; \
 	fi; \
-	echo "Setting up .venv with $$("$$python" --version) (once, about a minute) ..."; \
+	echo "Setting up .venv with $$("$$python" --version) (once, 1 to 3 minutes): 1 of 2, dependencies ..."; \
 	"$$python" -m venv .venv >/dev/null 2>&1 || "$$python" -m venv --without-pip .venv; \
 	if $(BIN)/python -m pip --version >/dev/null 2>&1; then python=$(BIN)/python; fi; \
 	pip="$$python -m pip --python $(BIN)/python --disable-pip-version-check --quiet install --root-user-action ignore"; \
 	$$pip --require-hashes --requirement requirements.lock; \
+	echo "Setting up .venv: 2 of 2, fti ..."; \
 	$$pip --no-deps --no-build-isolation --editable .; \
 	touch $@
 

@@ -16,6 +16,7 @@ import argparse
 import os
 import re
 import sys
+import time
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
@@ -117,11 +118,14 @@ async def _wait_for_navigation(supervisor: Supervisor) -> None:
     """Wait until navigation runs; on a new machine it compiles first."""
     import asyncio
 
+    begin = time.monotonic()
     while not supervisor.navigation_ready.is_set():
         try:
             await asyncio.wait_for(supervisor.navigation_ready.wait(), NOTICE_PERIOD_S)
         except TimeoutError:
-            print_line("navigation is being compiled (first start only, about a minute)", error=True, flush=True)
+            elapsed_s = time.monotonic() - begin
+            text = f"navigation is compiled, at the first start only (about a minute): {elapsed_s:.0f} s"
+            print_line(text, error=True, flush=True)
 
 
 def _end_timer(duration_s: float | None) -> Callable[[], None]:
