@@ -42,7 +42,8 @@ def _pydantic_errors() -> tuple[type[Exception], ...]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; an error is one sentence on standard error."""
-    skip_last_collection()
+    if argv is None:  # it is the whole process
+        skip_last_collection()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # escape text that the terminal's encoding lacks
             stream.reconfigure(errors="backslashreplace")
