@@ -52,7 +52,7 @@ def serve(
         daemon.serve(
             config,
             recorder=recorder,
-            announce=lambda line: print_line(line, flush=True),
+            announce=lambda line: print_line(line, flush=True, is_folded=False),  # addresses and paths are copied
             run_dir=run_dir,
             duration_s=duration_s,
             companion=companion,

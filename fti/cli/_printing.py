@@ -24,10 +24,10 @@ CONTINUATION = 4
 MAX_FOLD_SHARE = 0.75
 
 
-def print_line(text: object, *, error: bool = False, flush: bool = False) -> None:
-    """Print one line.  error : on standard error"""
+def print_line(text: object, *, error: bool = False, flush: bool = False, is_folded: bool = True) -> None:
+    """Print one line.  error : on standard error; is_folded : fold it on a terminal, if it is too long"""
     stream, line = sys.stderr if error else sys.stdout, escape_controls(str(text))
-    lines = fold_line(line, shutil.get_terminal_size().columns) if stream.isatty() else [line]
+    lines = fold_line(line, shutil.get_terminal_size().columns) if is_folded and stream.isatty() else [line]
     print("\n".join(lines), file=stream, flush=flush)
 
 
