@@ -10,13 +10,13 @@ from typing import Any
 from fti.cli.check import describe_missing
 from fti.config import Config
 from fti.constants import SECOND_NS
+from fti.logger.storage_target import MEGABYTE
 from fti.messages.frames import LinkState
 from fti.messages.health import DeviceHealth, HealthRecord
 from fti.messages.tables import from_table
 from fti.nav.device_time.clock_estimator import ClockState
 
 HOUR_S = 3600.0
-MEGABYTE = 1e6
 
 State = Mapping[str, Any]
 
@@ -49,7 +49,7 @@ def _recording(health: HealthRecord) -> GoItem:
 
 
 def _disk(config: Config, health: HealthRecord, hours: float) -> GoItem:
-    """Hours until only the reserve is free, at the mean rate of this session."""
+    """Hours until the free space falls to ``min_free_mb``, at the mean write rate of the recording."""
     if not isinstance(free_mb := health.storage.free_mb, float):
         return GoItem("disk", False, "free space is unknown")
     written = sum(file.stat().st_size for file in Path(health.session.folder).glob("*") if file.is_file())

@@ -35,7 +35,7 @@ def state(tmp_path: Path) -> State:
     session["started_ns"] = found["health"]["t_ns"] - 72_000_000_000
     with (tmp_path / "demo_000.mcap").open("wb") as file:
         os.truncate(file.fileno(), round(7.2 * MEGABYTE))
-    found["health"]["storage"]["free_mb"] = 500.0 + 5 * 360.0  # min_free_mb of the configuration stay free
+    found["health"]["storage"]["free_mb"] = 500.0 + 5 * 360.0 * MEGABYTE / 2**20  # min_free_mb stay free; in 2^20 B
     return found
 
 
