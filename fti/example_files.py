@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from fti.errors import MissingError, StorageError, did_you_mean
+from fti.new_file import write_new_file
 
 FOLDER = Path(__file__).parent / "examples"
 SCENARIOS = FOLDER / "scenarios"
@@ -43,11 +43,7 @@ def copy(name: str, folder: Path) -> list[Path]:
         if target.exists():
             raise StorageError(f"{target}: already exists; choose another folder")
     for file, target in copies.items():
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, target)
-        except OSError as error:
-            raise StorageError(f"{error.filename or target}: cannot be written: {error.strerror}") from error
+        write_new_file(target, file.read_bytes())
     return list(copies.values())
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +34,8 @@ rpy_bs_deg = [0.0, 0.0, 0.0]   # CHECK: mounting: roll, pitch, yaw
 def config_text(file: Path, name: str, ports: Sequence[FoundPort]) -> str:
     """The text of the configuration.  file : where it will be; name : of the session"""
     parts = [HEAD.format(file=file, name=json.dumps(name))]
-    names = list(_link_names(ports))
-    devices = dict(zip(names, _device_names(names, ports), strict=True))
+    names = list(_unique(_link_names(ports)))
+    devices = dict(zip(names, _unique(_device_names(names, ports)), strict=True))
     for link, port in zip(names, ports, strict=True):
         parts.append(f"\n[[link]]\nname = {json.dumps(link)}\n{_keys(port.link)}")
         if port.device is None:
@@ -48,12 +48,24 @@ def config_text(file: Path, name: str, ports: Sequence[FoundPort]) -> str:
 
 
 def _link_names(ports: Sequence[FoundPort]) -> Iterator[str]:
-    """A name for each link, by its port."""
-    taken = set[str]()
-    for port in ports:
-        link = port.link
+    """The link of a port has its name."""
+    for link in (port.link for port in ports):
         where = str(link.get("port") or link.get("channel") or f"udp_{str(link.get('bind')).rpartition(':')[2]}")
-        base = name = re.sub(r"\W+", "_", where.rpartition("/")[2]).lower()
+        yield re.sub(r"\W+", "_", where.rpartition("/")[2]).lower()
+
+
+def _device_names(links: Sequence[str], ports: Sequence[FoundPort]) -> Iterator[str]:
+    """The device of a port of an emulator has the name of its link, any other that of its driver."""
+    for link, port in zip(links, ports, strict=True):
+        own = re.sub(r"_(line|can)$", "", link)
+        yield own if own != link or port.device is None else port.device.driver
+
+
+def _unique(names: Iterable[str]) -> Iterator[str]:
+    """The names; a repeated one with a number."""
+    taken = set[str]()
+    for base in names:
+        name = base
         while name in taken:
             name = f"{base}_{len(taken)}"
         taken.add(name)
@@ -62,18 +74,6 @@ def _link_names(ports: Sequence[FoundPort]) -> Iterator[str]:
 
 def _keys(table: Any) -> str:
     return "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
-
-
-def _device_names(links: Sequence[str], ports: Sequence[FoundPort]) -> Iterator[str]:
-    """The device of a port of an emulator has the name of its link, any other that of its driver."""
-    taken = set[str]()
-    for link, port in zip(links, ports, strict=True):
-        own = re.sub(r"_(line|can)$", "", link)
-        base = name = own if own != link or port.device is None else port.device.driver
-        while name in taken:
-            name = f"{base}_{len(taken)}"
-        taken.add(name)
-        yield name
 
 
 def _device(name: str, link: str, port: FoundPort) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 from fti import config as configuration
 from fti.clock import SystemClock, choose_epoch_ns
+from fti.constants import SECOND_NS
 from fti.errors import LinkError
 from fti.links import open_link, per_frame_sink
 from fti.messages.measurements import Measurement
@@ -22,7 +23,6 @@ BAUD_RATES = (115200, 57600, 38400, 9600, 230400, 460800, 921600, 19200, 4800)
 GENERIC = "dbc"
 #: Share of the bytes that a driver must decode.
 MIN_SHARE = 0.5
-SECOND_NS = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +86,8 @@ async def survey(links: list[dict[str, Any]], duration_s: float, progress: Calla
 
     links : tables of links; progress : called with a line for each port
     """
-    for link in links:
-        default_decoders(link["kind"])  # loads the drivers: while a port is open, its bytes would wait
+    for kind in {link["kind"] for link in links}:
+        default_decoders(kind)  # loads the drivers: while a port is open, its bytes would wait
     found = await asyncio.gather(*(_survey_port(link, duration_s) for link in links))
     for port in found:
         progress(describe(port))

@@ -206,7 +206,7 @@ class LiveState:
         return int(to_number(self._health.fields["t_ns"])) + now_ns - self._health.at_ns
 
     def _daemon_alarms(self, now_ns: int) -> Iterator[dict[str, Any]]:
-        """The alarm that the daemon is silent, unless it has said that its session has ended."""
+        """The alarm that the daemon sends no health; none after the session state ``stopped``."""
         session = self._health.fields.get("session") if self._health else None
         if isinstance(session, Mapping) and session.get("state") == "stopped":
             return

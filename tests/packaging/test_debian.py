@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,18 +12,14 @@ import pytest
 
 from tests.helpers import ROOT
 from tests.packaging.conftest import Build
-from tests.packaging.user import User, make_home
+from tests.packaging.user import User, is_new_enough, make_home
 
 pytestmark = [
     pytest.mark.e2e,
     pytest.mark.timeout(1800),
-    pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("dpkg-deb"), reason="only root installs, and on Debian"),
     pytest.mark.skipif(
-        subprocess.run(
-            ["/usr/bin/python3", "-c", "import sys; sys.exit(sys.version_info < (3, 11))"], check=False
-        ).returncode
-        != 0,
-        reason="Debian's Python is older than 3.11",
+        os.geteuid() != 0 or not shutil.which("dpkg-deb") or not is_new_enough("/usr/bin/python3"),
+        reason="a Debian package is installed by root, on a Debian with Python 3.11 or newer",
     ),
 ]
 

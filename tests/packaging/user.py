@@ -22,15 +22,20 @@ def user_id() -> int:
     return NOBODY if os.geteuid() == 0 else os.geteuid()
 
 
+def is_new_enough(python: str) -> bool:
+    """The user may run this interpreter, and it is Python 3.11 or newer."""
+    check = "import sys, venv; sys.exit(sys.version_info < (3, 11))"
+    try:
+        return subprocess.run([python, "-c", check], user=user_id(), cwd="/", check=False).returncode == 0
+    except OSError:
+        return False
+
+
 def interpreter() -> str:
     """An interpreter, new enough, that the user may run.  Raises AssertionError when there is none."""
     for python in INTERPRETERS:
-        check = "import sys, venv; sys.exit(sys.version_info < (3, 11))"
-        try:
-            if subprocess.run([python, "-c", check], user=user_id(), cwd="/", check=False).returncode == 0:
-                return python
-        except OSError:
-            continue
+        if is_new_enough(python):
+            return python
     raise AssertionError(f"none of {', '.join(INTERPRETERS)} is Python 3.11 or newer that user {user_id()} may run")
 
 

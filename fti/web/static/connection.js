@@ -19,7 +19,7 @@ export class Connection {
     this.onPermission = onPermission;
     this.lastAt = null; // time of the last message, for the age
     this.open = false;
-    this.stopped = false; // the session has ended, as the daemon said
+    this.stopped = false; // the last session state was "stopped"
     this.key = takeKey();
     this.waiting = new Map(); // resolver of the answer by command number
     this.commands = 0;
