@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -13,7 +14,11 @@ from tests.helpers import ROOT
 
 
 def make(folder: Path, *targets: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["make", *targets], cwd=folder, capture_output=True, text=True, check=False, timeout=60)
+    # the tests may be called by make: what it hands to a make below it makes that one print its folder
+    env = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
+    return subprocess.run(
+        ["make", *targets], cwd=folder, env=env, capture_output=True, text=True, check=False, timeout=60
+    )
 
 
 def test_make_lists_every_target_in_one_line_each(tmp_path: Path) -> None:

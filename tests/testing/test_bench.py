@@ -60,7 +60,7 @@ def test_the_example_passes_and_leaves_its_sessions(pytester: pytest.Pytester) -
     assert [session.parents[1].name for session in sessions] == ["nominal", "test_fog_is_reported"]
     for session in sessions:
         assert fti("verify", str(session)).returncode == 0
-        assert "/computer/position" in fti("info", str(session)).stdout
+        assert "/computer/position" in fti("info", "-v", str(session)).stdout
         assert len(Recording.open(session).truth_files) == 1
 
 
