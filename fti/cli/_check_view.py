@@ -38,7 +38,7 @@ def lines(description: dict[str, Any]) -> Iterator[str]:
         yield title
         yield from table_lines(rows)
     for warning in description["warnings"]:
-        yield f"warning: {warning}"
+        yield f"warning: {description['config']}: {warning}"
     for hint in description["hints"]:
         yield f"hint: {hint}"
     if "live" in description:

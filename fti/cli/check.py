@@ -145,6 +145,7 @@ def describe(config: Config) -> dict[str, Any]:
 
     ValidatedConfig(config, epoch_ns=0)  # rejects everything that fti run would reject
     session, devices = config.session, bind_devices(config)
+    terrain, layers = list(describe_terrain(config)), list(describe_layers(config))
     return {
         "config": config.path,
         "session": session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb", "mode"}),
@@ -161,11 +162,11 @@ def describe(config: Config) -> dict[str, Any]:
             for bound in devices
         ],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
-        "terrain": list(describe_terrain(config)),
-        "terrain_layers": list(describe_layers(config)),
+        "terrain": terrain,
+        "terrain_layers": layers,
         "approach": config.nav.approach.profile if config.nav.approach else None,
         "missing": list(describe_missing(config)),
-        "warnings": [*_shared_ports(config), *_poor_storage(config), *warnings(config, devices)],
+        "warnings": [*_shared_ports(config), *_poor_storage(config), *warnings(config, devices, layers)],
         "hints": list(hints(config)),
     }
 
@@ -199,8 +200,8 @@ def _poor_storage(config: Config) -> Iterator[str]:
     for place in plan:
         if place["free_mb"] is not None and place["free_mb"] < config.session.min_free_mb:
             yield (
-                f"{place['directory']}: {place['free_mb']:.0f} MB are free; "
-                f"session.min_free_mb is {config.session.min_free_mb:g}"
+                f"{place['directory']}: {place['free_mb']:.0f} MB are free, less than session.min_free_mb = "
+                f"{config.session.min_free_mb:g}: recording does not start there; delete old sessions"
             )
     if len({place["medium"] for place in plan}) < len(plan):
         yield f"session.fallback is on the same medium as session.directory ({plan[0]['medium']})"

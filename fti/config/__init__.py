@@ -5,7 +5,7 @@ Relative paths are relative to the file.  An error names the file, the key path,
 """
 
 from fti.config.binding import bind
-from fti.config.error_lines import check_all, error_lines
+from fti.config.error_lines import check_all, error_lines, with_place
 from fti.config.loading import load, parse, read_toml, with_links, with_session
 from fti.config.parsing import decode_text, parse_toml
 from fti.config.tables import (
@@ -75,5 +75,6 @@ __all__ = [
     "position_sources",
     "read_toml",
     "with_links",
+    "with_place",
     "with_session",
 ]

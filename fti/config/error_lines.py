@@ -29,7 +29,7 @@ def error_lines(file: str, text: str) -> Iterator[None]:
         sentences = re.split(rf"(?:^|; ){re.escape(file)}: ", str(error))
         if len(sentences) < 2 or sentences[0]:
             raise
-        raise ConfigError("; ".join(f"{file}: {_with_place(sentence, text)}" for sentence in sentences[1:])) from None
+        raise ConfigError("; ".join(f"{file}: {with_place(sentence, text)}" for sentence in sentences[1:])) from None
 
 
 def check_all(checks: Iterable[Callable[[], Result]]) -> list[Result]:
@@ -45,7 +45,11 @@ def check_all(checks: Iterable[Callable[[], Result]]) -> list[Result]:
     return results
 
 
-def _with_place(sentence: str, text: str) -> str:
+def with_place(sentence: str, text: str) -> str:
+    """The sentence with the line, and the name of the device or link, of the key at its begin.
+
+    text : the configuration.  A key that is not in it has the line of its table; other sentences are unchanged.
+    """
     found = KEY_PATH.match(sentence)
     if not found:
         return sentence
