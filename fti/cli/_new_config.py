@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fti.cli._port_survey import FoundPort
+from fti.cli._port_survey import FoundDevice, FoundPort
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, RadioHeight, Range, Velocity
 
 #: Range limits and full beam width of an altimeter whose data sheet is not known: FreeFlight RA-4500, LightWare SF30.
@@ -25,26 +26,60 @@ name = {name}
 directory = "data"             # of the recordings, relative to this file
 origin = "flight"
 """
-MOUNTING = """\
-lever_arm_b = [0.0, 0.0, 0.0]  # CHECK: reference point to sensor: forward, right, down [m]
-rpy_bs_deg = [0.0, 0.0, 0.0]   # CHECK: mounting: roll, pitch, yaw
-"""
+LEVER_ARM = "lever_arm_b = {}  # {}reference point to sensor: forward, right, down [m]\n"
+MOUNTING = "rpy_bs_deg = [0.0, 0.0, 0.0]   # CHECK: mounting: roll, pitch, yaw\n"
 
 
-def config_text(file: Path, name: str, ports: Sequence[FoundPort]) -> str:
+@dataclass(frozen=True, slots=True)
+class NamedPort:
+    """A port with the name of its link, and of its device if it has one."""
+
+    link: str
+    device: str
+    found: FoundPort
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What a person knows: order of the devices of a role, and lever arm of a device [m]; others are missing."""
+
+    roles: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    lever_arms: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+
+def name_ports(ports: Sequence[FoundPort]) -> list[NamedPort]:
+    """The ports with unique names."""
+    links = list(_unique(_link_names(ports)))
+    devices = _unique(_device_names(links, ports))
+    return [NamedPort(*each) for each in zip(links, devices, ports, strict=True)]
+
+
+def config_text(file: Path, name: str, ports: Sequence[NamedPort], answers: Answers) -> str:
     """The text of the configuration.  file : where it will be; name : of the session"""
     parts = [HEAD.format(file=file, name=json.dumps(name))]
-    names = list(_unique(_link_names(ports)))
-    devices = dict(zip(names, _unique(_device_names(names, ports)), strict=True))
-    for link, port in zip(names, ports, strict=True):
-        parts.append(f"\n[[link]]\nname = {json.dumps(link)}\n{_keys(port.link)}")
-        if port.device is None:
-            state = f"{port.received} bytes came, which no driver decodes" if port.received else "no byte came"
-            parts.append(f"# {state}: it is recorded and not decoded.  CHECK: fti listen {link} --config {file}\n")
-    for link, port in zip(names, ports, strict=True):
-        if port.device:
-            parts.append(_device(devices[link], link, port))
-    return "".join([*parts, *_roles([*devices.values()], ports)])
+    for port in ports:
+        found = port.found
+        parts.append(f"\n[[link]]\nname = {json.dumps(port.link)}\n{_keys(found.link)}")
+        if found.device is None:
+            state = f"{found.received} bytes came, which no driver decodes" if found.received else "no byte came"
+            listen = f"fti listen {port.link} --config {file}"
+            parts.append(f"# {state}: it is recorded and not decoded.  CHECK: {listen}\n")
+    parts += [_device(port, answers) for port in ports if port.found.device]
+    return "".join([*parts, *_roles(ports, answers)])
+
+
+def is_mounted(device: FoundDevice) -> bool:
+    """Whether the place of the sensor in the aircraft matters."""
+    return bool(device.kinds & {Attitude, Position, Velocity, ImuSample, *ALTIMETERS})
+
+
+def role_candidates(ports: Sequence[NamedPort]) -> dict[str, list[str]]:
+    """Devices that can have each role: of position and attitude first those that have both."""
+    devices = [(port.device, port.found.device.kinds) for port in ports if port.found.device]
+    devices.sort(key=lambda each: -len(each[1] & {Position, Attitude, ImuSample}))
+    roles: dict[str, set[type[Measurement]]]
+    roles = {"attitude": {Attitude}, "position": {Position}, "altimeters": {*ALTIMETERS}}
+    return {role: [name for name, known in devices if known & kinds] for role, kinds in roles.items()}
 
 
 def _link_names(ports: Sequence[FoundPort]) -> Iterator[str]:
@@ -76,17 +111,18 @@ def _keys(table: Any) -> str:
     return "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
 
 
-def _device(name: str, link: str, port: FoundPort) -> str:
-    device = port.device
+def _device(port: NamedPort, answers: Answers) -> str:
+    device = port.found.device
     assert device
     lines = [
-        f"\n[[device]]\nname = {json.dumps(name)}\nlink = {json.dumps(link)}\n"
+        f"\n[[device]]\nname = {json.dumps(port.device)}\nlink = {json.dumps(port.link)}\n"
         f"driver = {json.dumps(device.driver)}  # its options: fti drivers {device.driver}\n"
     ]
     if device.rate_hz > 0.0:
         lines.append(f"rate_hz = {device.rate_hz:.2g}  # as measured; a lower rate is reported\n")
-    if device.kinds & {Attitude, Position, Velocity, ImuSample, *ALTIMETERS}:
-        lines.append(MOUNTING)
+    if is_mounted(device):
+        known = answers.lever_arms.get(port.device)
+        lines += [LEVER_ARM.format(json.dumps(known or [0.0, 0.0, 0.0]), "" if known else "CHECK: "), MOUNTING]
     for kind, (beam_kind, limits, beam) in ALTIMETERS.items():
         if kind in device.kinds:
             lines.append(
@@ -98,11 +134,8 @@ def _device(name: str, link: str, port: FoundPort) -> str:
     return "".join(lines)
 
 
-def _roles(names: Sequence[str], ports: Sequence[FoundPort]) -> Iterator[str]:
-    """The roles: of position and attitude first the devices that have both."""
-    devices = [(name, port.device.kinds) for name, port in zip(names, ports, strict=True) if port.device]
-    devices.sort(key=lambda each: -len(each[1] & {Position, Attitude, ImuSample}))
+def _roles(ports: Sequence[NamedPort], answers: Answers) -> Iterator[str]:
     yield "\n[nav]  # of each role the first valid device is used\n"
-    for role, kinds in (("attitude", {Attitude}), ("position", {Position}), ("altimeters", {*ALTIMETERS})):
-        yield f"{role} = {json.dumps([name for name, known in devices if known & kinds])}\n"
+    for role, names in {**role_candidates(ports), **answers.roles}.items():
+        yield f"{role} = {json.dumps(names)}\n"
     yield '# terrain = { files = ["dem.tif"], vertical = "egm96" }   # elevations: altimeters are compared with them\n'

@@ -81,17 +81,35 @@ class _Listener:
         return max(found, key=lambda each: (each.driver != GENERIC, each.share, len(each.kinds)), default=None)
 
 
-async def survey(links: list[dict[str, Any]], duration_s: float, progress: Callable[[str], None]) -> list[FoundPort]:
+async def survey(links: list[dict[str, Any]], duration_s: float, on_share: Callable[[float], None]) -> list[FoundPort]:
     """Listen on all ports at the same time, duration_s [s] for each baud rate; nothing is sent to a serial line.
 
-    links : tables of links; progress : called with a line for each port
+    links : tables of links; on_share : called with the completed share of the time, 0 to 1
     """
     for kind in {link["kind"] for link in links}:
         default_decoders(kind)  # loads the drivers: while a port is open, its bytes would wait
-    found = await asyncio.gather(*(_survey_port(link, duration_s) for link in links))
-    for port in found:
-        progress(describe(port))
-    return found
+    tries, longest = 0, max(len(_tables(link)) for link in links)
+
+    async def listen_in_turn(link: dict[str, Any]) -> FoundPort:
+        nonlocal tries
+        best = FoundPort(link, 0)
+        for number, table in enumerate(_tables(link), 1):
+            port = await _listen(table, duration_s)
+            if number > tries:
+                tries = number
+                on_share(tries / longest)
+            if port.device or port.received > best.received or port.fault:
+                best = port
+            if port.device or port.fault:
+                break
+        return best
+
+    return await asyncio.gather(*(listen_in_turn(link) for link in links))
+
+
+def _tables(link: dict[str, Any]) -> list[dict[str, Any]]:
+    """The link, at each baud rate."""
+    return [{**link, "baud": baud} for baud in BAUD_RATES] if link["kind"] == "serial" else [link]
 
 
 def describe(port: FoundPort) -> str:
@@ -104,18 +122,6 @@ def describe(port: FoundPort) -> str:
     return (
         f"{where}: {port.fault or (f'{port.received} bytes that no driver decodes' if port.received else 'no bytes')}"
     )
-
-
-async def _survey_port(link: dict[str, Any], duration_s: float) -> FoundPort:
-    best = FoundPort(link, 0)
-    for baud in BAUD_RATES if link["kind"] == "serial" else (None,):
-        table = link if baud is None else {**link, "baud": baud}
-        port = await _listen(table, duration_s)
-        if port.device or port.received > best.received or port.fault:
-            best = port
-        if port.device or port.fault:
-            break
-    return best
 
 
 async def _listen(table: dict[str, Any], duration_s: float) -> FoundPort:

@@ -1,8 +1,11 @@
 """Write a first configuration from what the connected devices send.
 
 Listens on every free serial port at the usual baud rates, on CAN interfaces that are up, and on the named UDP
-addresses; tries every driver; writes links, devices, measured rates and roles, with comments on what only you know.
+addresses; tries every driver; writes links, devices, measured rates and roles.
 Nothing is sent to a serial line.  The link of a device that is silent until it is asked is written without a device.
+
+On a terminal it asks what it cannot know: name, CAN adapters, UDP addresses, preferred devices, lever arms.  Enter
+takes the default.  Elsewhere it asks nothing.  Lines with CHECK in the file are what you have to fill in.
 
   fti new aircraft.toml
   fti new aircraft.toml --udp 0.0.0.0:14550 --seconds 5
@@ -16,7 +19,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from fti.cli._arguments import new_file, number
+from fti.cli._arguments import new_file, number, session_name
 from fti.cli._printing import print_line
 
 if TYPE_CHECKING:
@@ -28,7 +31,9 @@ SLCAN_BITRATE = 500_000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti new``."""
     parser.add_argument("file", metavar="FILE", type=new_file(".toml"), help="the configuration to write (.toml)")
-    parser.add_argument("--name", metavar="NAME", help="name of the session (default: name of the file)")
+    parser.add_argument(
+        "--name", metavar="NAME", type=session_name, help="name of the session (default: name of the file)"
+    )
     parser.add_argument("--links", metavar="DIR", help="only the ports of an emulator in this folder")
     parser.add_argument(
         "--udp", metavar="ADDRESS:PORT", action="append", default=[], help="listen on this address (repeatable)"
@@ -42,47 +47,69 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Listen, print what is found, write the file."""
+    """Ask, listen, print what is found, write the file."""
     import asyncio
     import tomllib
 
     from fti import config as configuration
-    from fti.cli._new_config import config_text
-    from fti.cli._port_survey import BAUD_RATES, survey
+    from fti.cli._new_config import Answers, config_text, name_ports
+    from fti.cli._new_questions import ask_answers, can_ask
+    from fti.cli._port_survey import BAUD_RATES, describe, survey
+    from fti.cli._progress import show_progress
     from fti.errors import MissingError
     from fti.new_file import write_new_file
     from fti.service.supervisor.startup_checks import ValidatedConfig
 
-    links = list(_links(args))
+    asks = can_ask()
+    name, links = _name(args, asks=asks), _links(args, asks=asks)
     if not links:
         raise MissingError("no free port: connect a device (fti ports lists the ports), or name addresses with --udp")
     print_line(
         f"listening on {len(links)} ports, {args.seconds:g} s for each of {len(BAUD_RATES)} baud rates", error=True
     )
-    ports = asyncio.run(survey(links, args.seconds, lambda line: print_line(line, error=True, flush=True)))
-    text = config_text(args.file, args.name or args.file.stem, ports)
+    with show_progress("listening") as show:
+        found = asyncio.run(survey(links, args.seconds, lambda share: show("listening", share)))
+    for port in found:
+        print_line(describe(port), error=True, flush=True)
+    ports = name_ports(found)
+    text = config_text(args.file, name, ports, ask_answers(ports) if asks else Answers())
     ValidatedConfig(configuration.parse(tomllib.loads(text), text, args.file), epoch_ns=0)
     write_new_file(args.file, text.encode())
-    print_line(f"{args.file}: {sum(port.device is not None for port in ports)} devices; next: fti check {args.file}")
+    print_line(f"{args.file}: {sum(port.device is not None for port in found)} devices; next: fti check {args.file}")
     return 0
 
 
-def _links(args: argparse.Namespace) -> list[dict[str, Any]]:
+def _name(args: argparse.Namespace, *, asks: bool) -> str:
+    """The name of the session: given, asked for, or made from that of the file."""
+    import re
+
+    from fti.cli._new_questions import ask_name
+
+    if args.name is not None:
+        return str(args.name)
+    name = re.sub(r"\W+", "_", args.file.stem.lower(), flags=re.ASCII)
+    default = name if re.match("[a-z]", name) else f"aircraft_{name}"
+    return ask_name(default) if asks else default
+
+
+def _links(args: argparse.Namespace, *, asks: bool) -> list[dict[str, Any]]:
     """Tables of the links to listen on."""
     from pathlib import Path
 
+    from fti.cli._new_questions import ask_adapters, ask_addresses
     from fti.links.ports import can_interfaces, serial_ports
 
     folder = Path(args.links) if args.links else None
-    slcan = [str(Path(name).absolute()) for name in args.slcan]
     free = [Path(port.name) for port in serial_ports(folder) if port.state == "free"]
     serial = [str(port.absolute()) for port in free if _is_wanted(port, folder)]
     buses = [] if folder else [interface.name for interface in can_interfaces() if interface.state == "up"]
+    slcan = [str(Path(name).absolute()) for name in args.slcan] or (ask_adapters(serial) if asks else [])
+    addresses = args.udp or (ask_addresses() if asks else [])
     return [
         *({"kind": "serial", "port": port} for port in serial if port not in slcan),
         *({"kind": "can", "interface": "slcan", "channel": port, "bitrate": SLCAN_BITRATE} for port in slcan),
         *({"kind": "can", "interface": "socketcan", "channel": name} for name in buses),
-        *({"kind": "udp", "bind": address} for address in args.udp),
+        *({"kind": "udp", "bind": address} for address in addresses),
     ]
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
+import subprocess
+import sys
 import threading
 import tty
 from collections.abc import Iterator
@@ -13,10 +15,11 @@ from pathlib import Path
 import pytest
 
 from fti import config as configuration
-from fti.cli._new_config import config_text
+from fti.cli._new_config import Answers, config_text, name_ports
 from fti.cli._port_survey import FoundDevice, FoundPort
 from fti.cli.main import main
 from fti.messages.measurements import Attitude, Position, RadioHeight, Range
+from tests.helpers import TIMEOUT_S
 
 PERIOD_S = 0.05
 NMEA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
@@ -68,6 +71,76 @@ def test_what_sends_becomes_a_device_and_the_rest_a_link(tmp_path: Path, capsys:
     assert main(["check", str(file)]) == 0
 
 
+@contextlib.contextmanager
+def on_a_terminal(*arguments: str) -> Iterator[tuple[int, subprocess.Popen[bytes]]]:
+    """``fti`` on a terminal of its own: the person's end, and the process."""
+    person, terminal = os.openpty()
+    process = subprocess.Popen(
+        ["setsid", "--ctty", "--wait", sys.executable, "-m", "fti.cli.main", *arguments],
+        stdin=terminal,
+        stdout=terminal,
+        stderr=terminal,
+    )
+    os.close(terminal)
+    try:
+        yield person, process
+    finally:
+        process.kill()
+        process.wait()
+        os.close(person)
+
+
+def read_until(person: int, text: str) -> str:
+    """What the command prints until text."""
+    printed = ""
+    while text not in printed:
+        part = os.read(person, 4096)
+        assert part, printed
+        printed += part.decode()
+    return printed
+
+
+@pytest.mark.timeout(120)
+def test_on_a_terminal_it_asks_what_it_cannot_know(tmp_path: Path) -> None:
+    """A wrong answer is asked for again; Enter takes the default."""
+    ports, file = tmp_path / "links", tmp_path / "My plane.toml"
+    ports.mkdir()
+    questions = (
+        ("Name of the aircraft [my_plane]: ", "D-XY"),
+        ("'D-XY': must be lower-case letters, digits and _, a letter first", "dxy"),
+        ("CAN adapters [none]: ", ""),
+        ("UDP addresses to listen on, such as 192.168.10.1:4000 [none]: ", "here"),
+        ("'here': must be ADDRESS:PORT", ""),
+        ("Devices of position, first the preferred one [one two]: ", "two one"),
+        ("one: from the reference point to the sensor, forward right down [m] [unknown]: ", "0.5 0 -1.25"),
+        ("two: from the reference point to the sensor, forward right down [m] [unknown]: ", ""),
+    )
+    arguments = ("new", str(file), "--links", str(ports), "--seconds", "1.5")
+    with (
+        sending(ports / "one_line", NMEA),
+        sending(ports / "two_line", NMEA),
+        on_a_terminal(*arguments) as (person, process),
+    ):
+        for question, answer in questions:
+            read_until(person, question)
+            os.write(person, f"{answer}\n".encode())
+        assert process.wait(TIMEOUT_S) == 0
+    config = configuration.load(file)
+    assert config.session.name == "dxy"
+    assert config.nav.position == ("two", "one")
+    assert [device.lever_arm_b for device in config.device] == [(0.5, 0.0, -1.25), (0.0, 0.0, 0.0)]
+    arms = [line for line in file.read_text().splitlines() if line.startswith("lever_arm_b")]
+    assert ["CHECK" in line for line in arms] == [False, True]
+
+
+def test_a_name_that_no_session_may_have_is_refused_before_listening(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["new", str(tmp_path / "own.toml"), "--name", "D-XY"])
+    assert "--name: 'D-XY': must be lower-case letters" in capsys.readouterr().err
+
+
 def test_a_file_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "own.toml").write_text("mine")
     with pytest.raises(SystemExit):
@@ -95,7 +168,7 @@ def test_roles_begin_with_the_device_that_has_most(tmp_path: Path) -> None:
         udp(4005, "nmea0183", Position),
     ]
     file = tmp_path / "own.toml"
-    file.write_text(config_text(file, "own", ports))
+    file.write_text(config_text(file, "own", name_ports(ports), Answers()))
     config = configuration.load(file)
     names = [device.name for device in config.device]
     assert len({*names}) == 5
