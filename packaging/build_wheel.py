@@ -12,7 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 #: What the source archive is made of.
-SOURCES = ("pyproject.toml", "README.md", "LICENSE", "fti", "configs")
+SOURCES = ("pyproject.toml", "README.md", "LICENSE", "THIRD_PARTY.md", "fti", "configs")
 STEP = "import sys; from setuptools import build_meta as build; print(getattr(build, sys.argv[1])(sys.argv[2]))"
 
 

@@ -55,7 +55,7 @@ ELSEWHERE = {
 class Run:
     """How a command runs here.
 
-    more : arguments that are added;  words : other words instead of documented ones, as for a device on a desk
+    more : arguments that are added;  words : replacements of documented words
     prints : pattern of its output;  code : exit code
     """
 
@@ -73,7 +73,7 @@ WITHOUT_DAEMON = [
     Run("fti check configs/bench.toml", r"configs/bench\.toml: good"),
     Run("fti check /etc/fti/fti.toml", r"configs/bench\.toml: good", words={"/etc/fti/fti.toml": "configs/bench.toml"}),
     Run("fti check configs/bench.toml --live", r"no such port", code=1),
-    Run("fti run configs/bench.toml", r"recorded \S+/desk/bench_", more="--duration 2 --out desk"),
+    Run("fti run configs/bench.toml", r"recorded \S+/recorded/bench_", more="--duration 2 --out recorded"),
     Run("fti check silence", r"/nav/glide_slope"),
     Run("fti hil --list", r"silence +All sensors silent"),
     Run("fti hil --faults", r"to_s +\[s\]"),
@@ -179,7 +179,7 @@ def test_every_mentioned_target_of_make_exists() -> None:
 
 
 @dataclass(slots=True)
-class Desk:
+class UserFolder:
     """The folder of a user, and the words of the pages that stand for something of it."""
 
     folder: Path
@@ -243,11 +243,11 @@ class Desk:
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
+def user(tmp_path_factory: pytest.TempPathFactory) -> UserFolder:
     """A folder with the examples, on ports that nobody else uses, and elevation files."""
-    folder = tmp_path_factory.mktemp("desk")
-    desk = Desk(folder, {"/tmp/": f"{folder}/"})
-    desk.run(Run("fti examples copy all configs", r"configs/demo\.toml"))
+    folder = tmp_path_factory.mktemp("user")
+    user = UserFolder(folder, {"/tmp/": f"{folder}/"})
+    user.run(Run("fti examples copy all configs", r"configs/demo\.toml"))
     demo = folder / "configs" / "demo.toml"
     demo.write_text(with_free_ports(demo.read_text()) + "\n[snapshot]\nbefore_s = 10\nafter_s = 1\n")
     (folder / "my_aircraft.toml").symlink_to(demo)
@@ -255,46 +255,46 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
     write_hgt(folder, lambda lat, lon: 500.0 + 1000.0 * (lat - 47.5) + 500.0 * (lon - 11.5))
     for name, step in (("dsm_1m.tif", 1.0), ("dsm_2m.tif", 2.0)):
         write_ground(folder / name, lambda lat, lon: 600.0 + 500.0 * (lat - 47.9), "EPSG:25832", 200, step)
-    return desk
+    return user
 
 
 @pytest.mark.e2e
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("run", WITHOUT_DAEMON, ids=lambda run: run.command)
-def test_a_command_without_a_daemon(desk: Desk, run: Run) -> None:
-    desk.run(run)
+def test_a_command_without_a_daemon(user: UserFolder, run: Run) -> None:
+    user.run(run)
 
 
 @pytest.mark.e2e
 @pytest.mark.timeout(900)
-def test_the_laboratory_and_its_recording_again(desk: Desk) -> None:
+def test_the_laboratory_and_its_recording_again(user: UserFolder) -> None:
     hil, run, replay, _, again, _ = BACKGROUND
-    with desk.background(hil, "--config configs/demo.toml", "ready"):
-        desk.words["RADALT"] = str(desk.folder / "links" / "radalt_line")
+    with user.background(hil, "--config configs/demo.toml", "ready"):
+        user.words["RADALT"] = str(user.folder / "links" / "radalt_line")
         for each in WITH_PORTS:
-            desk.run(each)
-        with desk.background(run, "--out lab", "display at"):
-            until(lambda: "GO     link pdu_line" in desk.output(PREFLIGHT).stdout, START_S, "the power unit")
+            user.run(each)
+        with user.background(run, "--out lab", "display at"):
+            until(lambda: "GO     link pdu_line" in user.output(PREFLIGHT).stdout, START_S, "the power unit")
             for each in WITH_BREAKERS:
-                desk.run(each)
-    desk.words["SESSION"] = desk.session("lab")
+                user.run(each)
+    user.words["SESSION"] = user.session("lab")
     ready = "radalt_line"
-    with desk.background(replay, "", ready) as replayed, desk.background(again, "--out replayed", "recording to"):
+    with user.background(replay, "", ready) as replayed, user.background(again, "--out replayed", "recording to"):
         replayed.wait(END_S)
-    desk.words["AGAIN"] = desk.session("replayed")
+    user.words["AGAIN"] = user.session("replayed")
     for each in AGAIN:
-        desk.run(each)
+        user.run(each)
 
 
 @pytest.mark.e2e
 @pytest.mark.timeout(900)
-def test_the_demonstration_live_and_its_session(desk: Desk) -> None:
+def test_the_demonstration_live_and_its_session(user: UserFolder) -> None:
     options = "--headless --scenario configs/scenarios/silence.toml --out data --duration 48"
-    with desk.background("fti demo", options, "flying") as demo:
-        until(lambda: desk.output(PREFLIGHT).returncode == 0, START_S, "a flight that is ready")
+    with user.background("fti demo", options, "flying") as demo:
+        until(lambda: user.output(PREFLIGHT).returncode == 0, START_S, "a flight that is ready")
         for each in LIVE:
-            desk.run(each)
+            user.run(each)
         demo.wait(END_S)
-    desk.words["SESSION"] = desk.session("data")
+    user.words["SESSION"] = user.session("data")
     for each in AFTER:
-        desk.run(each)
+        user.run(each)
