@@ -80,7 +80,7 @@ $(READY): requirements.lock pyproject.toml
 	echo "Setting up .venv with $$("$$python" --version) (once, 1 to 3 minutes): 1 of 2, dependencies ..."; \
 	"$$python" -m venv .venv >/dev/null 2>&1 || "$$python" -m venv --without-pip .venv; \
 	if $(BIN)/python -m pip --version >/dev/null 2>&1; then python=$(BIN)/python; fi; \
-	pip="$$python -m pip --python $(BIN)/python --disable-pip-version-check --quiet install --root-user-action ignore"; \
+	pip="$$python packaging/pip_install.py $(BIN)/python"; \
 	$$pip --require-hashes --requirement requirements.lock; \
 	echo "Setting up .venv: 2 of 2, fti ..."; \
 	$$pip --no-deps --no-build-isolation --editable .; \
@@ -91,6 +91,5 @@ $(BESIDE): $(READY) requirements-bench.lock
 	@set -e; \
 	echo "Installing what the benchmarks stand beside (Embree, Open3D; once, some minutes) ..."; \
 	if $(BIN)/python -m pip --version >/dev/null 2>&1; then python=$(BIN)/python; else python=$(firstword $(CANDIDATES)); fi; \
-	"$$python" -m pip --python $(BIN)/python --disable-pip-version-check --quiet install --root-user-action ignore \
-		--require-hashes --requirement requirements-bench.lock; \
+	"$$python" packaging/pip_install.py $(BIN)/python --require-hashes --requirement requirements-bench.lock; \
 	touch $@
