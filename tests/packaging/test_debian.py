@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import shutil
 import sys
@@ -44,6 +45,16 @@ def test_the_command_flies_and_records(user: User) -> None:
     user.run("fti", "run", "mine/bench.toml", "--duration", "1", "--out", "data")
     (session,) = (user.home / "data").iterdir()
     assert "all holds" in user.run("fti", "verify", str(session))
+
+
+def test_manual_pages_and_completions_are_where_debian_looks(user: User) -> None:
+    page = gzip.decompress(Path("/usr/share/man/man1/fti-run.1.gz").read_bytes()).decode()
+    assert page.startswith(".TH FTI\\-RUN 1")
+    completions = Path("/usr/share/bash-completion/completions/fti")
+    shown = user.run("bash", "-c", f"source {completions}; complete -p fti")
+    assert shown.endswith(" fti\n")
+    assert Path("/usr/share/zsh/vendor-completions/_fti").read_text().startswith("#compdef fti\n")
+    assert Path("/usr/share/fish/vendor_completions.d/fti.fish").is_file()
 
 
 def test_the_service_starts_the_installed_command(user: User) -> None:

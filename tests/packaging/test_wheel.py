@@ -56,6 +56,14 @@ def test_every_example_comes_with_the_package(user: User) -> None:
     assert files(user.home / "examples") == files(ROOT / "configs")
 
 
+def test_manual_pages_are_beside_the_command(user: User) -> None:
+    """``man`` searches share/man beside each bin of PATH."""
+    shared = user.programs.parent / "share"
+    pages = {path.name for path in (shared / "man" / "man1").iterdir()}
+    assert pages >= {"fti.1", "fti-run.1", "fti-check.1"}
+    assert (shared / "bash-completion" / "completions" / "fti").is_file()
+
+
 def test_every_scenario_is_known_by_name(user: User) -> None:
     listed = [line.split()[0] for line in user.run("fti", "hil", "--list").splitlines()]
     assert listed == sorted(file.stem for file in (ROOT / "configs" / "scenarios").glob("*.toml"))
