@@ -18,6 +18,7 @@ from fti.logger.derived_log import DerivedLog
 from fti.logger.log_layout import LogSettings
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
+from fti.messages.outputs import Event
 from fti.messages.tables import to_table
 from tests.cli.sessions import (
     ABOUT,
@@ -347,3 +348,23 @@ def test_alarms_are_listed_with_their_durations(folder: SessionFolder, capsys: p
         ("integrity_alert", STARTED + 5 * SECOND),
         ("link:ins", None),
     ]
+
+
+def test_an_event_in_raw_and_derived_files_counts_once(
+    folder: SessionFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Navigation sends it to the recorder, and writes it too; a repeated event stays one of its own."""
+    raw, derived = record_raw(folder, range(500)), DerivedLog(folder, LogSettings(split_s=300, split_mb=100))
+    for t_s, in_raw, in_derived in ((1, 1, 1), (2, 2, 2), (3, 0, 1), (4, 1, 0)):
+        t_ns = STARTED + t_s * SECOND
+        event = Event(t_ns=t_ns, level="info", source="nav", text=f"event {t_s}")
+        for _ in range(in_raw):
+            raw.write_json("/fti/event", t_ns, event)
+        for _ in range(in_derived):
+            derived.write_output(event)
+    raw.close()
+    derived.close()
+    content = info_json(folder, capsys)
+    assert [event["text"] for event in content["events"]] == ["event 1", "event 2", "event 2", "event 3", "event 4"]
+    counts = [topic["messages"] for topic in content["topics"] if topic["topic"] == "/fti/event"]
+    assert counts == [4, 1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,12 +9,13 @@ from typing import Any
 from fti.errors import RecordingError
 from fti.logger.export.columns import ColumnFinder
 from fti.logger.export.selection import ExportSelection
+from fti.logger.reading.event_copies import EventCopies
 from fti.logger.reading.json_message import parse_json
 from fti.logger.reading.limits import MAX_COLUMNS, check_topic_count
 from fti.logger.reading.mcap_file import McapMessage
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import KINDS, Recording
-from fti.messages.topics import EVENT_TOPIC, RAW_PREFIX, SENT_PREFIX
+from fti.messages.topics import RAW_PREFIX, SENT_PREFIX
 
 JSON = "json"
 
@@ -62,7 +62,7 @@ def read_items(recording: Recording) -> Iterator[McapMessage]:
     """All messages, each once: with raw files, the notes and most frames of snapshots are copies, and so are the events
     of navigation in derived files.
     """
-    events: Counter[tuple[int, bytes]] = Counter()
+    events = EventCopies()
     for kind in KINDS:
         has_raw_files = kind == "snapshot" and bool(recording.raw_files)
         if has_raw_files and not recording.is_snapshot_session:
@@ -70,12 +70,8 @@ def read_items(recording: Recording) -> Iterator[McapMessage]:
         for item in recording.items(kind):
             if has_raw_files and item.topic.encoding == JSON:
                 continue
-            if item.topic.name == EVENT_TOPIC:
-                event = item.log_time, item.data
-                events[event] += 1 if kind == "raw" else -1
-                if kind == "derived" and events[event] >= 0:
-                    continue
-            yield item
+            if not events.is_copy(kind, item):
+                yield item
 
 
 def parse_item(item: McapMessage, states: NoteStates) -> Any:

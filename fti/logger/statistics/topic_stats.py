@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fti.constants import SECOND_NS
 from fti.logger.foxglove import LOG_LEVELS
+from fti.logger.reading.event_copies import EventCopies
 from fti.logger.reading.json_message import parse_table, whole_number
 from fti.logger.reading.limits import MAX_TEXT_LENGTH, check_topic_count
 from fti.logger.reading.mcap_file import McapMessage
@@ -197,6 +198,8 @@ def collect_statistics(
 ) -> RecordingStatistics:
     """Topics in the order of ``PREFIXES``, silent links too; events and clocks.  Reads everything, once.
 
+    An event of navigation that raw and derived files hold counts once.
+
     more_handlers : functions that get the messages of a topic as well
     """
     topics: dict[tuple[Kind, str], TopicStatistics] = {}
@@ -211,8 +214,11 @@ def collect_statistics(
     home: Kind = "snapshot" if recording.is_snapshot_session else "raw"
     for link in recording.links if recording.frame_files else ():
         topics[home, f"/raw/{link}"] = TopicStatistics(f"/raw/{link}", home)
+    copies = EventCopies()
     for kind in KINDS:
         for item in recording.items(kind):
+            if copies.is_copy(kind, item):
+                continue
             name = item.topic.name
             topic = topics.get((kind, name))
             if topic is None:
