@@ -155,7 +155,7 @@ def find_daemon(run_dir: str | None = None) -> DaemonInfo:
     if run_dir:
         info = _read(Path(run_dir))
         if info is None:
-            raise MissingError(f"{run_dir}: no daemon is running there")
+            raise MissingError(f"{run_dir}: no daemon is running there; start it with: fti run CONFIG")
         return info
     running = [info for info in map(_read, _candidates()) if info]
     if not running:

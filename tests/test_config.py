@@ -134,7 +134,7 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (changed('name = "da42"', 'name = "DA 42"'), ["session.name", "'DA 42'", "pattern"]),
+        (changed('name = "da42"', 'name = "DA 42"'), ["session.name", "'DA 42'", "lower-case letters"]),
         (changed("baud = 57600", "boud = 57600"), ["link[0].boud", "no such key", "baud"]),
         (changed("baud = 57600", 'baud = "57600"'), ["link[0].baud", "'57600'", "integer"]),
         (changed("baud = 57600", "baud = 0"), ["link[0].baud", "0", "greater than 0"]),

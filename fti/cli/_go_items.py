@@ -13,12 +13,17 @@ from fti.constants import SECOND_NS
 from fti.logger.storage_target import MEGABYTE
 from fti.messages.frames import LinkState
 from fti.messages.health import DeviceHealth, HealthRecord
+from fti.messages.reasons import Reason
 from fti.messages.tables import from_table
 from fti.nav.device_time.clock_estimator import ClockState
 
 HOUR_S = 3600.0
 
 State = Mapping[str, Any]
+#: States of a link whose devices have nothing to decode.
+WITHOUT_BYTES = frozenset({LinkState.ABSENT, LinkState.DENIED, LinkState.BUSY, LinkState.SILENT})
+#: Reasons of a height whose altimeter does not send; others are normal on the ground.
+MISSING_SAMPLES = frozenset({Reason.SILENT, Reason.STALE})
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +59,9 @@ def _disk(config: Config, health: HealthRecord, hours: float) -> GoItem:
         return GoItem("disk", False, "free space is unknown")
     written = sum(file.stat().st_size for file in Path(health.session.folder).glob("*") if file.is_file())
     elapsed_s = max(health.t_ns - health.session.started_ns, SECOND_NS) / SECOND_NS
-    left_h = (free_mb - config.session.min_free_mb) * MEGABYTE / max(written, 1) * elapsed_s / HOUR_S
+    if free_mb < (minimum_mb := config.session.min_free_mb):
+        return GoItem("disk", False, f"{free_mb:.0f} MB free, less than session.min_free_mb = {minimum_mb:g}")
+    left_h = (free_mb - minimum_mb) * MEGABYTE / max(written, 1) * elapsed_s / HOUR_S
     return GoItem(
         "disk", left_h >= hours, f"{left_h:.0f} h left at {written / elapsed_s / 1000:.0f} kB/s; {hours:g} h needed"
     )
@@ -72,6 +79,10 @@ def _links(config: Config, health: HealthRecord) -> Iterator[GoItem]:
 def _devices(config: Config, health: HealthRecord) -> Iterator[GoItem]:
     for device in config.device:
         if (found := health.devices.get(device.name)) is not None:
+            link = health.links.get(device.link)
+            if link is not None and link.state in WITHOUT_BYTES:
+                yield GoItem(f"device {device.name}", False, f"link {device.link} is {link.state}")
+                continue
             problem = _problem_of_device(found, uses_time=device.use_device_time)
             clocks = ", ".join(f"{clock.scale} clock {clock.state}" for clock in found.clocks)
             yield GoItem(f"device {device.name}", not problem, problem or f"{found.rate_hz:.1f} Hz {clocks}".rstrip())
@@ -96,7 +107,7 @@ def _roles(config: Config, outputs: State) -> Iterator[GoItem]:
         yield GoItem(role, is_go, text)
     for name in config.nav.altimeters:
         height = outputs.get(f"/nav/height_above_ground/{name}")
-        is_go = height is not None and not height["late"]
+        is_go = height is not None and not height["late"] and not MISSING_SAMPLES.intersection(height["reasons"])
         text = "no heights" if height is None else ", ".join(height["reasons_text"]) or "valid height"
         yield GoItem(f"altimeter {name}", is_go, text)
 

@@ -140,12 +140,14 @@ def describe(config: Config) -> dict[str, Any]:
     from fti.cli._config_warnings import warnings
     from fti.cli._receive_buffer import hints
     from fti.cli._terrain_files import describe_layers, describe_terrain
+    from fti.config import error_lines
     from fti.devices import bind_devices
     from fti.service.supervisor.startup_checks import ValidatedConfig
 
     ValidatedConfig(config, epoch_ns=0)  # rejects everything that fti run would reject
     session, devices = config.session, bind_devices(config)
-    terrain, layers = list(describe_terrain(config)), list(describe_layers(config))
+    with error_lines(config.path, config.text):
+        terrain, layers = list(describe_terrain(config)), list(describe_layers(config))
     return {
         "config": config.path,
         "session": session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb", "mode"}),
@@ -201,7 +203,8 @@ def _poor_storage(config: Config) -> Iterator[str]:
         if place["free_mb"] is not None and place["free_mb"] < config.session.min_free_mb:
             yield (
                 f"{place['directory']}: {place['free_mb']:.0f} MB are free, less than session.min_free_mb = "
-                f"{config.session.min_free_mb:g}: recording does not start there; delete old sessions"
+                f"{config.session.min_free_mb:g}: the outputs of navigation are not written there, and raw bytes only "
+                "without a fallback; delete old sessions"
             )
     if len({place["medium"] for place in plan}) < len(plan):
         yield f"session.fallback is on the same medium as session.directory ({plan[0]['medium']})"

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from fti.cli._completion import COMPLETE, complete
 from fti.cli._parser import make_parser
-from fti.cli._printing import print_line
+from fti.cli._printing import print_line, print_lines
 from fti.errors import FtiError, RecordingError
 from fti.interrupts import track_interrupts
 from fti.quick_exit import skip_last_collection
@@ -78,7 +78,7 @@ def _run(argv: Sequence[str] | None, args: argparse.Namespace) -> int:
         print_line(f"fti: {error}", error=True)
         return EXIT_LOSSES
     except FtiError as error:
-        print_line(f"fti: {error}", error=True)
+        print_lines((f"fti: {line}" for line in str(error).splitlines()), error=True)  # one for each mistake
         return EXIT_WRONG
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

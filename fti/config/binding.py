@@ -8,10 +8,15 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from fti.config.tables import StrictModel
+from fti.config.tables import ENDPOINT_PATTERN, NAME_PATTERN, StrictModel
 from fti.errors import ConfigError, did_you_mean
 
 Model = TypeVar("Model", bound=StrictModel)
+#: What a text must be, by its pattern.
+PATTERNS = {
+    NAME_PATTERN: "must be lower-case letters, digits and _, a letter first",
+    ENDPOINT_PATTERN: "must be ADDRESS:PORT, such as '192.168.10.1:4000'",
+}
 
 
 def bind(model: type[Model], table: Mapping[str, Any], file: str, key: str = "") -> Model:
@@ -41,7 +46,8 @@ def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: s
         elif item["type"] == "missing":
             yield f"{file}: {where}: missing; it must be given"
         else:
-            yield f"{file}: {where} = {_format_value(item['input'])}: {item['msg'][0].lower()}{item['msg'][1:]}"
+            message = PATTERNS.get(item.get("ctx", {}).get("pattern", "")) or item["msg"][0].lower() + item["msg"][1:]
+            yield f"{file}: {where} = {_format_value(item['input'])}: {message}"
 
 
 def _key_path(key: str, loc: tuple[int | str, ...], model: type[BaseModel]) -> str:

@@ -9,10 +9,12 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
-from fti.errors import ConfigError
+from fti.errors import ConfigError, MissingError
 
 #: Key path at the begin of a sentence, such as ``device[2].options.rate_hz``.
 KEY_PATH = re.compile(r"[\w-]+(?:\[\d+\])*(?:\.[\w-]+(?:\[\d+\])*)*(?=[: ])")
+#: The end of a sentence that has its line.
+PLACE = re.compile(r" \(line \d+(, \w+ '.*')?\)$")
 _HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
 _KEY = re.compile(r"\s*([\w.-]+)\s*=")
 
@@ -22,14 +24,17 @@ Result = TypeVar("Result")
 
 @contextlib.contextmanager
 def error_lines(file: str, text: str) -> Iterator[None]:
-    """Complete a ConfigError of the block.  file, text : the configuration; other files keep their errors"""
+    """Complete a ConfigError or MissingError of the block; each of its sentences becomes a line.
+
+    file, text : the configuration; errors of other files stay as they are
+    """
     try:
         yield
-    except ConfigError as error:
-        sentences = re.split(rf"(?:^|; ){re.escape(file)}: ", str(error))
+    except (ConfigError, MissingError) as error:
+        sentences = re.split(rf"(?:^|; |\n){re.escape(file)}: ", str(error))
         if len(sentences) < 2 or sentences[0]:
             raise
-        raise ConfigError("; ".join(f"{file}: {with_place(sentence, text)}" for sentence in sentences[1:])) from None
+        raise type(error)("\n".join(f"{file}: {with_place(sentence, text)}" for sentence in sentences[1:])) from None
 
 
 def check_all(checks: Iterable[Callable[[], Result]]) -> list[Result]:
@@ -51,7 +56,7 @@ def with_place(sentence: str, text: str) -> str:
     text : the configuration.  A key that is not in it has the line of its table; other sentences are unchanged.
     """
     found = KEY_PATH.match(sentence)
-    if not found:
+    if not found or PLACE.search(sentence):
         return sentence
     path = tuple(int(part) if part.isdigit() else part for part in re.findall(r"[\w-]+", found[0]))
     line, known = _find_line(text, path)

@@ -104,7 +104,7 @@ def _check_roles(nav: Nav, devices: list[str], file: str) -> None:
     for role in ("attitude", "position", "altimeters"):
         for name in getattr(nav, role):
             if name not in devices:
-                raise ConfigError(f"{file}: nav.{role}: unknown device {name!r}; configured: {_join_names(devices)}")
+                raise ConfigError(f"{file}: nav.{role}: {_unknown_device(name, devices)}")
             if name in RESERVED_DEVICE_NAMES and role != "altimeters":
                 text = f"reserved name; here a device must not have the names {_join_names(RESERVED_DEVICE_NAMES)}"
                 raise ConfigError(f"{file}: nav.{role}: {name!r}: {text}")
@@ -114,8 +114,7 @@ def _check_radio(nav: Nav, devices: list[str], file: str) -> None:
     if nav.radio is None:
         return
     if nav.radio.receiver is not None and nav.radio.receiver not in devices:
-        text = f"unknown device {nav.radio.receiver!r}; configured: {_join_names(devices)}"
-        raise ConfigError(f"{file}: nav.radio.receiver: {text}")
+        raise ConfigError(f"{file}: nav.radio.receiver: {_unknown_device(nav.radio.receiver, devices)}")
     if nav.radio.altimeter is not None and nav.radio.altimeter not in nav.altimeters:
         text = f"nav.radio.altimeter: {nav.radio.altimeter!r} is not in nav.altimeters"
         raise ConfigError(f"{file}: {text}; allowed: {_join_names(nav.altimeters)}")
@@ -130,9 +129,7 @@ def _check_filter(config: Config, devices: list[str], file: str) -> None:
     named |= {key: (name,) for key, name in single.items() if name is not None}
     for key, names in named.items():
         if unknown := [name for name in names if name not in devices]:
-            raise ConfigError(
-                f"{file}: nav.filter.{key}: unknown device {unknown[0]!r}; configured: {_join_names(devices)}"
-            )
+            raise ConfigError(f"{file}: nav.filter.{key}: {_unknown_device(unknown[0], devices)}")
     if nav.filter.heading is not None and nav.filter.declination_deg is None:
         text = "missing; nav.filter.heading needs it: -180 to 180, magnetic north east of true north is positive"
         raise ConfigError(f"{file}: nav.filter.declination_deg: {text}")
@@ -166,6 +163,10 @@ def _check_unique(names: list[str], file: str, kind: str) -> None:
     for i, name in enumerate(names):
         if name in names[:i]:
             raise ConfigError(f"{file}: {kind}[{i}].name = {name!r}: used twice; names must differ")
+
+
+def _unknown_device(name: str, devices: list[str]) -> str:
+    return f"unknown device {name!r}; configured: {_join_names(devices)}{did_you_mean(name, devices)}"
 
 
 def _join_names(names: Iterable[str]) -> str:

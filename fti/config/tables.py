@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
+Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 #: Upper limit far above every sensible value; larger values would lead to infinities.
 Positive = Annotated[float, Field(gt=0, le=1e12)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -102,7 +103,8 @@ class SerialLink(LinkTable):
     rs485: Literal["none", "rts_high", "rts_low"] = "none"
 
 
-Endpoint = Annotated[str, Field(pattern=r"^(\d{1,3}(\.\d{1,3}){3}|\[[0-9a-fA-F:]+\]):\d{1,5}$")]
+ENDPOINT_PATTERN = r"^(\d{1,3}(\.\d{1,3}){3}|\[[0-9a-fA-F:]+\]):\d{1,5}$"
+Endpoint = Annotated[str, Field(pattern=ENDPOINT_PATTERN)]
 
 
 class UdpLink(LinkTable):

@@ -49,7 +49,7 @@ def test_without_a_daemon_a_page_or_a_browser_it_reports_it(
     monkeypatch.setattr(webbrowser, "open", lambda url: False)
     arguments = ["page", "--run-dir", str(tmp_path)]
     assert main(arguments) == 2
-    assert capsys.readouterr().err == f"fti: {tmp_path}: no daemon is running there\n"
+    assert capsys.readouterr().err == f"fti: {tmp_path}: no daemon is running there; start it with: fti run CONFIG\n"
     with running_daemon(tmp_path):
         assert main(arguments) == 2
     assert "serves no page: display.enabled is false" in capsys.readouterr().err

@@ -60,15 +60,27 @@ def test_the_hours_are_those_of_the_disk_at_the_present_rate(config: Config, sta
 CHANGES: dict[str, tuple[Callable[[State], object], str, str]] = {
     "storage": (lambda s: s["health"]["session"].update(state="storage_error"), "recording", "storage_error: "),
     "free space": (lambda s: s["health"]["storage"].update(free_mb=None), "disk", "free space is unknown"),
-    "a silent link": (
-        lambda s: s["health"]["links"]["ins_eth"].update(state="silent", hint="is the device on?"),
+    "noise on a link": (
+        lambda s: s["health"]["links"]["ins_eth"].update(state="noise", hint="wrong cable?"),
         "link ins_eth",
-        "is the device on?",
+        "wrong cable?",
     ),
     "another configuration": (
         lambda s: s["health"]["links"].pop("pdu_line"),
         "link pdu_line",
         "the daemon has no such",
+    ),
+    "a full disk": (
+        lambda s: s["health"]["storage"].update(free_mb=20.0),
+        "disk",
+        "20 MB free, less than session.min_free_mb = 500",
+    ),
+    "an altimeter that never sent": (
+        lambda s: s["outputs"]["/nav/height_above_ground/altimeter"].update(
+            valid=False, reasons=["silent"], reasons_text=["never heard"]
+        ),
+        "altimeter altimeter",
+        "never heard",
     ),
     "a device": (
         lambda s: s["health"]["devices"]["gnss"].update(state="wrong rate", hint="1 Hz"),
@@ -112,6 +124,15 @@ def test_each_problem_is_one_item(
     (item,) = no_go(config.model_copy(update={"device": devices}), state)
     assert item.name == name
     assert item.text.startswith(begin)
+
+
+def test_a_link_without_bytes_is_the_reason_of_its_devices(config: Config, state: State) -> None:
+    state["health"]["links"]["ins_eth"].update(state="absent", hint="no such port")
+    state["health"]["devices"]["ins"].update(state="silent", hint="is the cable in?")
+    assert [(item.name, item.text) for item in no_go(config, state)] == [
+        ("link ins_eth", "no such port"),
+        ("device ins", "link ins_eth is absent"),
+    ]
 
 
 def test_a_reference_for_another_altimeter_is_no_go(config: Config, state: State) -> None:

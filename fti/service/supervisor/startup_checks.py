@@ -11,7 +11,7 @@ from typing import Any
 
 from fti import devices
 from fti.clock import FakeClock
-from fti.config import Config, Link
+from fti.config import Config, Link, error_lines
 from fti.errors import ConfigError
 from fti.links import open_link
 from fti.logger.session import CONFIG_ATTACHMENT
@@ -31,13 +31,14 @@ class ValidatedConfig:
         self._config = config
         self._epoch_ns = epoch_ns
         realtime.check(config)
-        self._texts = devices.read_texts(config)
-        self.devices = devices.bind_devices(config, self._texts)
-        devices.check_inertial(config, self.devices)
-        devices.check_alert_limits(config)
-        devices.check_reference(config, self._texts)
-        for link in config.link:
-            _check_link(config, link)
+        with error_lines(config.path, config.text):
+            self._texts = devices.read_texts(config)
+            self.devices = devices.bind_devices(config, self._texts)
+            devices.check_inertial(config, self.devices)
+            devices.check_alert_limits(config)
+            devices.check_reference(config, self._texts)
+            for i, link in enumerate(config.link):
+                _check_link(config, i, link)
 
     def recorder_startup(
         self, targets: Sequence[StorageTarget], first_number: int = 0, skipped_numbers: Sequence[int] = ()
@@ -111,12 +112,12 @@ def _storage(targets: Sequence[StorageTarget]) -> dict[str, Any]:
     return {"folder": folders[0], "fallback": fallback, "mounts": tuple(str(target.mount) for target in targets)}
 
 
-def _check_link(config: Config, link: Link) -> None:
+def _check_link(config: Config, index: int, link: Link) -> None:
     """Report a link that cannot work as an error of the configuration."""
     try:
         open_link(link, FakeClock(), lambda frames, times_ns: None)
     except ConfigError as error:
-        raise ConfigError(f"{config.path}: {error}") from None
+        raise ConfigError(f"{config.path}: link[{index}]: {error}") from None
 
 
 def _processor() -> str:
