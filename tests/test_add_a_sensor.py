@@ -8,14 +8,10 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
-from pydantic import BaseModel
-from pydantic_core import PydanticUndefined
 
-from fti.drivers import _binary_frame, _checksums, ascii_line, binary_struct
-from fti.formats import described_fields
+from fti.drivers import _checksums
 from fti.formats.quantities import DIMENSIONS, QUANTITIES
 from tests.doc_pages import Console, blocks, compare, consoles, execute
 from tests.helpers import ROOT
@@ -81,43 +77,8 @@ def test_the_file_of_the_page_is_the_one_that_is_shipped() -> None:
 # --------------------------------------------------------------------------------------------------- the reference
 
 
-def rows(heading: str, table_number: int = 0) -> dict[str, str]:
-    """Key to default of a table under a heading."""
-    text = PAGE.partition(f"\n### {heading}\n")[2].partition("\n### ")[0]
-    tables = re.split(r"^\| key \| default \| meaning \|\n\|.*\n", text, flags=re.MULTILINE)[1:]
-    found = re.findall(r"^\| `(\w+)` \|(.*?)\|", tables[table_number].partition("\n\n")[0], re.MULTILINE)
-    return {key: default.strip() for key, default in found}
-
-
-def documented_default(text: str) -> Any:
-    return tomllib.loads(f"x = {text.strip('`')}")["x"] if text.startswith("`") else text
-
-
-@pytest.mark.parametrize(
-    ("heading", "number", "model", "without"),
-    [
-        ("A field, of a line or of a frame", 0, described_fields.Field, ()),
-        ("A field, of a line or of a frame", 1, _binary_frame.NumberLocation, ()),
-        ("`ascii_line`", 0, ascii_line.Options, ("fields",)),
-        ("`binary_struct`", 0, binary_struct.Options, ("fields", "sync")),
-    ],
-)
-def test_every_key_is_documented_with_its_default(
-    heading: str, number: int, model: type[BaseModel], without: tuple[str, ...]
-) -> None:
-    documented = rows(heading, number)
-    assert set(documented) == set(model.model_fields)
-    for name, field in model.model_fields.items():
-        default = field.get_default()
-        expected = "" if default is PydanticUndefined else "–" if default is None else default
-        if name not in without:
-            assert documented_default(documented[name]) == (
-                list(expected) if isinstance(expected, tuple) else expected
-            ), name
-
-
-def test_checksums_types_and_units_are_documented() -> None:
-    names = {*_checksums.CHECKSUMS, *_binary_frame.CODES}
+def test_checksums_and_units_are_documented() -> None:
+    names = {*_checksums.CHECKSUMS}
     units = {unit for q in QUANTITIES.values() for g in DIMENSIONS if q.unit in g for unit in g}
     for name in names | units - {"ddm"}:
         assert f"`{name}`" in PAGE, name

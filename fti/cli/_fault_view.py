@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from fti.cli._check_view import table_lines
 
 if TYPE_CHECKING:
-    from fti.hil.oracle.fault_catalogue import FaultDescription, Key
+    from fti.config.keys import Key
+    from fti.hil.oracle.fault_catalogue import FaultDescription
 
 
 def as_json(kinds: Iterable[FaultDescription]) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ ALTIMETERS: dict[type[Measurement], tuple[str, str, str]] = {
 }
 HEAD = """\
 # Written by fti new from what the devices sent.  Lines with CHECK need the data sheet or the aircraft.
-# fti check {file} explains it; docs/configuration.md describes every key.
+# fti check {file} explains it; docs/reference/configuration.md describes every key.
 
 [session]
 name = {name}

@@ -12,8 +12,10 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
+from fti.new_file import write_new_file
 from fti.terminal_text import escape_controls
 
 #: Between two columns of a table.
@@ -60,3 +62,13 @@ def print_json(value: Any, *, indent: int | None = 1, flush: bool = False) -> No
 def print_status(text: str) -> None:
     """Show a state on standard error, in place of the last one; on a terminal only."""
     print(f"{escape_controls(text)}\x1b[K", end="\r", file=sys.stderr, flush=True)
+
+
+def write_text(text: str, out: Path | None) -> None:
+    """Write a text to a file that must not exist; without one print it, with its lines as they are."""
+    if out:
+        write_new_file(out, text.encode())
+        print_line(f"{out}: written")
+    else:
+        for line in text.splitlines():
+            print_line(line, is_folded=False)

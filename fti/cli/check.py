@@ -19,8 +19,8 @@ sends nothing, and the exit code is 1 when a link is not good.
 
 The stall is a lower bound: it assumes a full serial line or CAN bus, and datagrams of maximum size.
 Missing roles, warnings (probable mistakes) and hints (settings of this computer) do not fail the check; the outputs of
-a missing role are invalid, with the printed reason.  docs/configuration.md explains every key of a configuration,
-fti hil --faults every kind of fault.
+a missing role are invalid, with the printed reason.  docs/reference explains every key of a configuration and of a
+scenario, fti hil --faults every kind of fault.
 """
 
 from __future__ import annotations

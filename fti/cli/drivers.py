@@ -4,8 +4,9 @@
   fti drivers arinc429
   fti drivers nmea0183 --json
 
-The list has one driver per line: name, carriers, document.  Options are the keys of ``options = { ... }`` of a device
-in the configuration, with their defaults; commands are those that ``fti send`` can send to the device.
+The list has one driver per line: name, carriers, document.  Options are the keys of ``[device.options]`` in the
+configuration, with default, allowed values, meaning and unit; commands are those that ``fti send`` can send to the
+device.
 """
 
 from __future__ import annotations
@@ -46,36 +47,29 @@ def describe(name: str) -> dict[str, Any]:
     import dataclasses
 
     from fti import drivers
+    from fti.config.keys import keys_of
 
     driver = drivers.load(name)
-    options = driver.Options.model_json_schema(mode="serialization").get("properties", {})
     return {
         "name": name,
         "document": driver.DOCUMENT,
         "carriers": sorted(driver.CARRIERS),
         "messages": dict(driver.MESSAGES),
-        "options": {key: _option(schema) for key, schema in options.items()},
+        "options": {key.name: dataclasses.asdict(key) for key in keys_of(driver.Options)},
         "commands": {key: dataclasses.asdict(command) for key, command in driver.COMMANDS.items()},
     }
 
 
-def _option(schema: dict[str, Any]) -> dict[str, Any]:
-    """Default and allowed values or types."""
-    allowed = schema.get("enum") or [s.get("type") or s.get("enum") for s in schema.get("anyOf", ())] or [
-        schema.get("type")
-    ]  # fmt: skip
-    return {"default": schema.get("default"), "allowed": allowed}
-
-
 def _description_lines(driver: dict[str, Any]) -> list[str]:
-    import json
+    from fti.config.keys import NO_UNIT
 
     lines = [f"{driver['name']}: {driver['document']}", f"on {', '.join(driver['carriers'])}", "", "messages"]
     lines += [f"  {name:24} {text}" for name, text in driver["messages"].items()]
     lines += ["", "options" if driver["options"] else "no options"]
-    for name, option in driver["options"].items():
-        allowed = ", ".join(str(value) for value in option["allowed"])
-        lines.append(f"  {name} = {json.dumps(option['default'])}   ({allowed})")
+    for option in driver["options"].values():
+        unit = "" if option["unit"] == NO_UNIT else f" [{option['unit']}]"
+        lines.append(f"  {option['name']} = {option['default']}   ({option['limits']})")
+        lines.append(f"    {option['description']}{unit}")
     lines += ["", "commands (fti send)" if driver["commands"] else "no commands"]
     for name, command in driver["commands"].items():
         lines.append(f"  {name:24} {command['does']}" + ("" if command["answered"] else " (not acknowledged)"))

@@ -72,7 +72,7 @@ def _known_keys(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
     node = _resolve(schema, schema)
     for part in loc:
         node = _resolve(schema, _step(node, part, schema))
-    return set(node.get("properties", {})) - {"path", "text"}
+    return set(node.get("properties", {}))
 
 
 @cache

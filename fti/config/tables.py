@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic.json_schema import SkipJsonSchema
+
+from fti.config.keys import NO_UNIT, ONE, key
 
 NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
 Name = Annotated[str, Field(pattern=NAME_PATTERN)]
@@ -25,48 +28,81 @@ class StrictModel(BaseModel):
 
 
 class Session(StrictModel):
-    """``[session]``: storage targets, file splitting and mode of the recording.
+    """``[session]``: storage of the recording."""
 
-    fallback  : folder on another disk; the recording continues there while ``directory`` fails
-    file_mode : permissions of the files, octal; the folder gets the matching permissions to enter it
-    """
-
-    name: Name
-    directory: str = "data"
-    fallback: str | None = None
-    split_s: Annotated[float, Field(gt=0, le=86_400)] = 300.0
-    split_mb: Annotated[float, Field(gt=0, le=1_048_576)] = 1024.0
-    min_free_mb: Annotated[float, Field(ge=0, le=1e9)] = 500.0
-    file_mode: Literal["0600", "0640", "0644", "0660", "0664"] = "0640"
-    origin: Literal["flight", "hil", "replay"] = "flight"
-    mode: Literal["continuous", "snapshot"] = "continuous"  # snapshot: only frames around a trigger are recorded
+    name: Annotated[Name, key("first part of the names of all sessions and of their files", NO_UNIT, "aircraft")]
+    directory: Annotated[str, key("folder of the sessions; a relative path begins at the file", NO_UNIT)] = "data"
+    fallback: Annotated[
+        str | None,
+        key(
+            "folder on another medium; the recording continues there while directory cannot be written; none: no "
+            "fallback",
+            NO_UNIT,
+            "/mnt/second/data",
+        ),
+    ] = None
+    split_s: Annotated[
+        float, Field(gt=0, le=86_400), key("maximum duration of a file; then the next one begins", "s")
+    ] = 300.0
+    split_mb: Annotated[
+        float,
+        Field(gt=0, le=1_048_576),
+        key("maximum size of a file; less where the user's limit of the file size is lower", "MiB"),
+    ] = 1024.0
+    min_free_mb: Annotated[
+        float, Field(ge=0, le=1e9), key("free space to keep on a medium; below it the medium counts as full", "MiB")
+    ] = 500.0
+    file_mode: Annotated[
+        Literal["0600", "0640", "0644", "0660", "0664"],
+        key("permissions of the files, octal; those of the folder follow: 0750 for 0640", NO_UNIT),
+    ] = "0640"
+    origin: Annotated[
+        Literal["flight", "hil", "replay"],
+        key("origin of the bytes: aircraft, emulator or replay; shown on all products", NO_UNIT),
+    ] = "flight"
+    mode: Annotated[
+        Literal["continuous", "snapshot"],
+        key("continuous: every frame is recorded; snapshot: only the frames around a trigger, see [snapshot]", NO_UNIT),
+    ] = "continuous"
 
 
 class Snapshot(StrictModel):
-    """``[snapshot]``: the last ``before_s`` seconds are kept in memory and written to a file on a trigger.
+    """``[snapshot]``: triggered captures.  Without this table triggers are not available.
 
-    max_mb : limit of the memory [MiB]; the oldest frames are dropped first
+    The newest frames are kept in memory.  A trigger (``fti mark --trigger``, the button of the page) writes them to a
+    file of their own.
     """
 
-    before_s: Annotated[float, Field(gt=0, le=86_400)] = 120.0
-    after_s: Annotated[float, Field(ge=0, le=86_400)] = 10.0
-    max_mb: Annotated[float, Field(ge=1, le=65_536)] = 256.0
+    before_s: Annotated[float, Field(gt=0, le=86_400), key("time before the trigger that the file contains", "s")] = (
+        120.0
+    )
+    after_s: Annotated[float, Field(ge=0, le=86_400), key("time after the trigger that the file contains", "s")] = 10.0
+    max_mb: Annotated[
+        float, Field(ge=1, le=65_536), key("maximum memory of the kept frames; the oldest are discarded first", "MiB")
+    ] = 256.0
 
 
 class RecorderTuning(StrictModel):
-    """``[recorder]``: real-time settings of the recorder process.  All off by default.
+    """``[recorder]``: real-time settings of the recorder process, all off by default.
 
-    cpu         : processors of its affinity; empty : all
-    scheduler   : fifo : real-time scheduling; its reader thread has ``priority``, its other threads one less
-    lock_memory : lock all of its memory against swapping
-    freeze_gc   : switch off Python's cyclic garbage collector
+    A setting without permission is refused at the start with an error.
     """
 
-    cpu: tuple[Annotated[int, Field(ge=0, le=65_535)], ...] = ()
-    scheduler: Literal["other", "fifo"] = "other"
-    priority: Annotated[int, Field(ge=2, le=49)] = 20  # the kernel's interrupt threads have 50
-    lock_memory: bool = False
-    freeze_gc: bool = False
+    cpu: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=65_535)], ...],
+        key("numbers of the processors that the recorder may use; empty: all", NO_UNIT),
+    ] = ()
+    scheduler: Annotated[
+        Literal["other", "fifo"],
+        key("fifo: real-time scheduling with priority, before all ordinary processes; other: the usual one", NO_UNIT),
+    ] = "other"
+    priority: Annotated[  # the kernel's interrupt threads have 50
+        int,
+        Field(ge=2, le=49),
+        key("real-time priority of its reader thread under fifo; its other threads have one less", ONE),
+    ] = 20
+    lock_memory: Annotated[bool, key("lock all memory of the recorder against swapping", NO_UNIT)] = False
+    freeze_gc: Annotated[bool, key("switch off Python's cyclic garbage collector in the recorder", NO_UNIT)] = False
 
 
 # --------------------------------------------------------------------------------------------------------- links
@@ -75,32 +111,62 @@ class RecorderTuning(StrictModel):
 class LinkTable(StrictModel):
     """Keys of every link: name, permission to send, and the size of each of its three buffers."""
 
-    name: Name
-    transmit: bool = False
-    buffer_bytes: Annotated[int, Field(ge=4096, le=2**30)] = 2**19
+    name: Annotated[Name, key("name of the link, and of its topic /raw/NAME", NO_UNIT, "radalt_line")]
+    transmit: Annotated[
+        bool, key("allow transmission on the link: requests of drivers, and commands of fti send", NO_UNIT)
+    ] = False
+    buffer_bytes: Annotated[
+        int,
+        Field(ge=4096, le=2**30),
+        key("size of each of its three buffers; fti check prints how long a storage stall they bridge", "byte"),
+    ] = 2**19
 
 
 class SerialLink(LinkTable):
-    """A tty or pty; RS-232, RS-422 or RS-485 behind an adapter.
-
-    half_duplex : only one station sends at a time: we send after the line was quiet for quiet_ms (none : 3.5 characters
-                  + 20 ms), and after a request not before its answer has begun or answer_ms have passed
-    echo        : we receive our own transmissions; they are not counted as received
-    rs485       : the kernel driver switches the direction, with this level of RTS during transmission
-    """
+    """A tty or pty: RS-232, RS-422 or RS-485 behind an adapter."""
 
     kind: Literal["serial"]
-    port: str
-    baud: Annotated[int, Field(gt=0, le=100_000_000)] = 115200
-    data_bits: Literal[5, 6, 7, 8] = 8
-    parity: Literal["none", "even", "odd", "mark", "space"] = "none"
-    stop_bits: Literal[1, 2] = 1
-    flow: Literal["none", "rtscts", "xonxoff"] = "none"
-    half_duplex: bool = False
-    quiet_ms: Annotated[float, Field(ge=0, le=10_000)] | None = None
-    answer_ms: Annotated[float, Field(ge=0, le=60_000)] = 250.0
-    echo: bool = False
-    rs485: Literal["none", "rts_high", "rts_low"] = "none"
+    port: Annotated[str, key("device file of the port; fti ports lists them", NO_UNIT, "/dev/ttyUSB0")]
+    baud: Annotated[int, Field(gt=0, le=100_000_000), key("baud rate", "bit/s")] = 115200
+    data_bits: Annotated[Literal[5, 6, 7, 8], key("data bits of a character", "bit")] = 8
+    parity: Annotated[Literal["none", "even", "odd", "mark", "space"], key("parity bit of a character", NO_UNIT)] = (
+        "none"
+    )
+    stop_bits: Annotated[Literal[1, 2], key("stop bits of a character", "bit")] = 1
+    flow: Annotated[
+        Literal["none", "rtscts", "xonxoff"],
+        key("flow control: rtscts by the RTS and CTS lines, xonxoff by characters", NO_UNIT),
+    ] = "none"
+    half_duplex: Annotated[
+        bool, key("two-wire RS-485: only one station sends at a time, and requests wait for each other", NO_UNIT)
+    ] = False
+    quiet_ms: Annotated[
+        Annotated[float, Field(ge=0, le=10_000)] | None,
+        key(
+            "with half_duplex: silence of the line that must precede a transmission; none: the time of 3.5 characters "
+            "and 20 ms, because USB adapters deliver received bytes late",
+            "ms",
+            25.0,
+        ),
+    ] = None
+    answer_ms: Annotated[
+        float,
+        Field(ge=0, le=60_000),
+        key("with half_duplex: time for the start of an answer; then the next request is sent", "ms"),
+    ] = 250.0
+    echo: Annotated[
+        bool,
+        key("the transceiver receives its own transmissions; they are recorded as sent, not as received", NO_UNIT),
+    ] = False
+    rs485: Annotated[
+        Literal["none", "rts_high", "rts_low"],
+        key(
+            "the kernel's driver switches the direction, with RTS high or low while it sends; an event reports a "
+            "driver "
+            "without this function",
+            NO_UNIT,
+        ),
+    ] = "none"
 
 
 ENDPOINT_PATTERN = r"^(\d{1,3}(\.\d{1,3}){3}|\[[0-9a-fA-F:]+\]):\d{1,5}$"
@@ -108,24 +174,40 @@ Endpoint = Annotated[str, Field(pattern=ENDPOINT_PATTERN)]
 
 
 class UdpLink(LinkTable):
-    """Datagrams to ``bind`` (address:port), only from ``source`` when given; ``group`` joins a multicast group."""
+    """Datagrams to an address of this computer."""
 
     kind: Literal["udp"]
-    bind: Endpoint
-    source: str | None = None
-    group: str | None = None
-    peer: Endpoint | None = None  # destination of transmitted datagrams
+    bind: Annotated[
+        Endpoint, key("address and port of this computer on which datagrams are received", NO_UNIT, "192.168.10.1:4000")
+    ]
+    source: Annotated[
+        str | None,
+        key("IP address of the only sender whose datagrams are accepted; none: every sender", NO_UNIT, "192.168.10.7"),
+    ] = None
+    group: Annotated[str | None, key("multicast group to join; none: no multicast", NO_UNIT, "239.1.2.3")] = None
+    peer: Annotated[
+        Endpoint | None,
+        key("address and port to which datagrams are sent; none: nothing can be sent", NO_UNIT, "192.168.10.7:4001"),
+    ] = None
 
 
 class CanLink(LinkTable):
-    """A CAN bus: any python-can interface; ``slcan`` on a serial port is parsed directly."""
+    """A CAN bus: any interface of python-can; slcan on a serial port is parsed directly."""
 
     kind: Literal["can"]
-    interface: str
-    channel: str
-    bitrate: Annotated[int, Field(gt=0, le=100_000_000)] | None = None
-    fd: bool = False
-    settings: dict[str, Any] = Field(default_factory=dict)  # further arguments of python-can, passed on unchanged
+    interface: Annotated[
+        str,
+        key("socketcan, slcan (an adapter on a serial port), or another interface of python-can", NO_UNIT, "socketcan"),
+    ]
+    channel: Annotated[str, key("channel of the interface: can0, the device file of an adapter, ...", NO_UNIT, "can0")]
+    bitrate: Annotated[
+        Annotated[int, Field(gt=0, le=100_000_000)] | None,
+        key("bit rate of the bus; none: that with which the interface is configured", "bit/s", 500_000),
+    ] = None
+    fd: Annotated[bool, key("CAN FD: frames of up to 64 bytes", NO_UNIT)] = False
+    settings: Annotated[
+        dict[str, Any], key("further arguments of the python-can interface, passed on unchanged", NO_UNIT)
+    ] = Field(default_factory=dict)
 
 
 Link = Annotated[SerialLink | UdpLink | CanLink, Field(discriminator="kind")]
@@ -135,36 +217,84 @@ Link = Annotated[SerialLink | UdpLink | CanLink, Field(discriminator="kind")]
 
 
 class Altimeter(StrictModel):
-    """``[device.altimeter]``: limits and error model of an altimeter.
+    """``[device.altimeter]``: the device is an altimeter; limits within which it is used, and its error model.
 
-    Limits over known terrain; defaults of Spiegel 2018, table 3.2 (incidence: a quarter of the power remains there):
-    max_deviation_m       : |measured - predicted range|; none : 5 for a laser, 10 for a radar
-    max_nadir_deviation_m : |measured - navigated height| of a height used without compensation; none : no check
-    max_dispersion        : spread of the ranges in the predicted beam over the height above ground
-    max_incidence_deg     : incidence angle of the predicted ray; none : 75 for a laser, 60 for a radar
-
-    relief_m : one sigma of the height difference between unknown ground at the nadir and at the footprint; none : from
-               the profile of the last 20 s
-
-    The altimeter indicates scale x range + bias_m.  threshold_db is the leading edge relative to the peak, for the
-    model "beam" (none : a quarter of the peak power).  ``fti reference fit`` estimates these and beam_deg.
+    The defaults of the limits over known terrain are those of Spiegel 2018, table 3.2.
     """
 
-    kind: Literal["radar", "laser"]
-    range_m: tuple[Metres, Metres]
-    max_roll_deg: Positive = 30.0
-    max_pitch_deg: Positive = 30.0
-    max_deviation_m: Positive | None = None
-    max_nadir_deviation_m: Positive | None = None
-    max_dispersion: Positive = 0.3
-    max_incidence_deg: Positive | None = None
-    beam_deg: Positive = 40.0  # full width of the beam
-    model: Literal["nearest", "beam"] = "nearest"  # range prediction of a radar over known terrain
-    sd_m: Positive | None = None  # one sigma, if the device does not state it
-    relief_m: Positive | None = None
-    bias_m: Annotated[float, Field(ge=-100, le=100)] = 0.0
-    scale: Annotated[float, Field(ge=0.8, le=1.25)] = 1.0
-    threshold_db: Annotated[float, Field(ge=-26, le=-2)] | None = None
+    kind: Annotated[Literal["radar", "laser"], key("principle of measurement", NO_UNIT, "radar")]
+    range_m: Annotated[tuple[Metres, Metres], key("smallest and largest range that is used", "m", [0.0, 760.0])]
+    max_roll_deg: Annotated[Positive, key("largest roll, to either side; beyond it samples are not used", "deg")] = 30.0
+    max_pitch_deg: Annotated[Positive, key("largest pitch, up or down; beyond it samples are not used", "deg")] = 30.0
+    max_deviation_m: Annotated[
+        Positive | None,
+        key(
+            "over known terrain: largest deviation from the predicted range; none: 5 of a laser, 10 of a radar",
+            "m",
+            8.0,
+        ),
+    ] = None
+    max_nadir_deviation_m: Annotated[
+        Positive | None,
+        key(
+            "over known terrain: largest deviation of a height that is used without compensation from the navigated "
+            "height; none: no test",
+            "m",
+            15.0,
+        ),
+    ] = None
+    max_dispersion: Annotated[
+        Positive,
+        key("over known terrain: largest standard deviation of the ranges across the beam, over the height", ONE),
+    ] = 0.3
+    max_incidence_deg: Annotated[  # a quarter of the power remains there
+        Positive | None,
+        key(
+            "over known terrain: largest angle between ray and normal of the ground; none: 75 of a laser, 60 of a "
+            "radar",
+            "deg",
+            50.0,
+        ),
+    ] = None
+    beam_deg: Annotated[Positive, key("full width of the beam", "deg")] = 40.0
+    model: Annotated[
+        Literal["nearest", "beam"],
+        key(
+            "prediction of a radar's range over known terrain; nearest: nearest return in the beam (217 rays); beam: "
+            "antenna, radar equation and leading edge (2051 rays)",
+            NO_UNIT,
+        ),
+    ] = "nearest"
+    sd_m: Annotated[
+        Positive | None,
+        key("1-sigma of a range where the device states none; none: the device states it, or it is unknown", "m", 0.5),
+    ] = None
+    relief_m: Annotated[
+        Positive | None,
+        key(
+            "over unknown terrain: 1-sigma of the height difference between the ground straight below and the ground "
+            "in "
+            "the beam; none: from the profile of the last 20 s, and 10 until that profile is 5 s long",
+            "m",
+            3.0,
+        ),
+    ] = None
+    bias_m: Annotated[
+        float,
+        Field(ge=-100, le=100),
+        key("the altimeter states scale x range + bias_m; both are removed from heights, not from raw values", "m"),
+    ] = 0.0
+    scale: Annotated[
+        float,
+        Field(ge=0.8, le=1.25),
+        key("scale factor of the stated range, see bias_m; fti reference fit estimates both", ONE),
+    ] = 1.0
+    threshold_db: Annotated[
+        Annotated[float, Field(ge=-26, le=-2)] | None,
+        key(
+            "of the model beam: leading edge relative to the peak; none: a quarter of the peak power, -6.02", "dB", -8.0
+        ),
+    ] = None
 
     def corrected_range_m(self, value: float) -> float:
         """Range [m] from the indicated ``value`` [m], corrected for the configured bias and scale."""
@@ -172,20 +302,61 @@ class Altimeter(StrictModel):
 
 
 class Device(StrictModel):
-    """``[[device]]``: a driver on a link; any number of devices on one link."""
+    """``[[device]]``: an instrument on a link, decoded by a driver; a link may have several devices."""
 
-    name: Name
-    link: Name
-    driver: str
-    rate_hz: Positive | None = None
-    max_age_ms: Annotated[float, Field(gt=0, le=3_600_000)] = 1000.0
-    latency_ms: Annotated[float, Field(ge=0, le=3_600_000)] = 0.0
-    use_device_time: bool = True  # once its clock is synchronised to FTI time; false: validity from the arrival
-    lever_arm_b: Vector = (0.0, 0.0, 0.0)  # reference point P to sensor, body frame [m]
-    rpy_bs_deg: Vector = (0.0, 0.0, 0.0)  # mounting: roll, pitch, yaw that turn the sensor frame into the body frame
-    depends_on: tuple[Literal["satellites", "inertial", "map", "pressure"], ...] | None = None  # of a position
-    altimeter: Altimeter | None = None
-    options: dict[str, Any] = Field(default_factory=dict)
+    name: Annotated[Name, key("name of the device, and of its topics /NAME/MEASUREMENT", NO_UNIT, "radalt")]
+    link: Annotated[Name, key("name of the link to which it is connected", NO_UNIT, "radalt_line")]
+    driver: Annotated[str, key("driver that decodes its bytes; fti drivers lists them", NO_UNIT, "freeflight_ra4500")]
+    rate_hz: Annotated[
+        Positive | None, key("nominal rate of its messages; deviations are reported; none: no check", "Hz", 25.0)
+    ] = None
+    max_age_ms: Annotated[float, Field(gt=0, le=3_600_000), key("an older measurement is stale and not used", "ms")] = (
+        1000.0
+    )
+    latency_ms: Annotated[
+        float,
+        Field(ge=0, le=3_600_000),
+        key(
+            "shortest time from the validity of a quantity to the arrival of its first byte; fti latency estimates "
+            "that "
+            "of an altimeter",
+            "ms",
+        ),
+    ] = 0.0
+    use_device_time: Annotated[
+        bool,
+        key(
+            "true: a measurement is valid at the time that the device states, once its clock is synchronised to FTI "
+            "time; false: always at the arrival less latency_ms",
+            NO_UNIT,
+        ),
+    ] = True
+    lever_arm_b: Annotated[
+        Vector, key("position of the sensor from the reference point of the aircraft: forward, right, down", "m")
+    ] = (0.0, 0.0, 0.0)
+    rpy_bs_deg: Annotated[
+        Vector,
+        key(
+            "mounting: roll, pitch and yaw that rotate the axes of the sensor into those of the aircraft; for beams, "
+            "magnetic fields and inertial samples; an attitude is not rotated",
+            "deg",
+        ),
+    ] = (0.0, 0.0, 0.0)
+    depends_on: Annotated[
+        tuple[Literal["satellites", "inertial", "map", "pressure"], ...] | None,
+        key(
+            "sources on which its position depends beside the device itself; a device of nav.position that shares none "
+            "with a receiver can confirm it; none: it confirms nothing, and a receiver counts as satellites",
+            NO_UNIT,
+            ["satellites", "inertial"],
+        ),
+    ] = None
+    altimeter: Annotated[
+        Altimeter | None, key("[device.altimeter]: the device is an altimeter; none: it is not", NO_UNIT)
+    ] = None
+    options: Annotated[
+        dict[str, Any], key("[device.options]: options of the driver; fti drivers NAME describes them", NO_UNIT)
+    ] = Field(default_factory=dict)
 
 
 # --------------------------------------------------------------------------------------------- navigation, display
@@ -194,57 +365,118 @@ class Device(StrictModel):
 class TerrainFiles(StrictModel):
     """``[nav.terrain]``: elevation files and the datum of their heights, or a scene of the emulator.
 
-    centre_deg, radius_m : square that is loaded from the files; none : everything
-    cell_m               : post spacing of the finest layer; none : that of the finest file
-    scene                : terrain of the emulator instead of files: the strip of the demonstration (demo), or the
-                           strip with the region around it (demo_country)
-    sd_m                 : one sigma of its heights; the error of resampling is measured and added
+    Exactly one of ``files`` and ``scene`` is required; the keys vertical, centre_deg, radius_m and cell_m need files.
     """
 
-    files: tuple[str, ...] = ()
-    vertical: Literal["ellipsoid", "egm96", "egm2008"] | None = None
-    centre_deg: tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]] | None = None
-    radius_m: Positive | None = None
-    cell_m: Positive | None = None
-    scene: Literal["demo", "demo_country"] | None = None
-    sd_m: Positive = 1.5
+    files: Annotated[
+        tuple[str, ...],
+        key("elevation files (GeoTIFF, DTED, SRTM and other formats of GDAL)", NO_UNIT, ["dsm_1m.tif", "srtm.hgt"]),
+    ] = ()
+    vertical: Annotated[
+        Literal["ellipsoid", "egm96", "egm2008"] | None,
+        key(
+            "height datum of files that do not state it; required with files; the geoids need a grid", NO_UNIT, "egm96"
+        ),
+    ] = None
+    centre_deg: Annotated[
+        tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]] | None,
+        key(
+            "latitude and longitude of the centre of the square to load; none: all that the files cover",
+            "deg",
+            [47.9, 11.8],
+        ),
+    ] = None
+    radius_m: Annotated[
+        Positive | None, key("half the side of the square to load; given with centre_deg", "m", 20000.0)
+    ] = None
+    cell_m: Annotated[
+        Positive | None, key("spacing of the posts of the finest layer; none: that of the finest file", "m", 5.0)
+    ] = None
+    scene: Annotated[
+        Literal["demo", "demo_country"] | None,
+        key(
+            "instead of files, the ground of the emulator; demo: the strip below the approach of the demonstration; "
+            "demo_country: the strip and the region around it; none: files",
+            NO_UNIT,
+            instead="demo",
+        ),
+    ] = None
+    sd_m: Annotated[
+        Positive, key("1-sigma of the heights of the files; the error of resampling is measured and added", "m")
+    ] = 1.5
 
 
 class Approach(StrictModel):
-    """``[nav.approach]``: the published approach and the limits of the integrity monitor."""
+    """``[nav.approach]``: the published approach and the limits of its integrity monitor."""
 
-    profile: str
-    window_m: Positive = 400.0
-    y_max_m: Positive = 150.0
-    max_roll_deg: Positive = 10.0
-    max_pitch_deg: Positive = 10.0
-    alert_s_m: Positive = 50.0
-    alert_y_m: Positive = 100.0
-    alert_v_m: Positive = 5.0
-    alert_v_deg: Positive = 0.35
+    profile: Annotated[str, key("reference of the approach, a file of fti reference make", NO_UNIT, "profiles/27.csv")]
+    window_m: Annotated[Positive, key("length of the comparison window along the track", "m")] = 400.0
+    y_max_m: Annotated[Positive, key("largest deviation from the track; beyond it the monitor is inactive", "m")] = (
+        150.0
+    )
+    max_roll_deg: Annotated[Positive, key("largest roll; beyond it the monitor is inactive", "deg")] = 10.0
+    max_pitch_deg: Annotated[Positive, key("largest pitch; beyond it the monitor is inactive", "deg")] = 10.0
+    alert_s_m: Annotated[Positive, key("alert limit along the track", "m")] = 50.0
+    alert_y_m: Annotated[
+        Positive,
+        key(
+            "alert limit across the track; where 3.1 sigma of the navigated position exceed it, integrity is "
+            "unavailable",
+            "m",
+        ),
+    ] = 100.0
+    alert_v_m: Annotated[
+        Positive,
+        key(
+            "vertical alert limit near the ground; where the protection level exceeds it, integrity is unavailable", "m"
+        ),
+    ] = 5.0
+    alert_v_deg: Annotated[
+        Positive, key("vertical alert limit farther away, as an angle seen from the intercept point", "deg")
+    ] = 0.35
 
 
 class Filter(StrictModel):
-    """``[nav.filter]``: aided inertial navigation, used while devices give no position, altitude or attitude.
+    """``[nav.filter]``: aided inertial navigation, used while devices give no position, altitude or attitude."""
 
-    imu        : device whose inertial samples are integrated;  unit : its grade
-    gnss       : devices for position and velocity aiding
-    baro       : device for pressure altitude aiding, or several in order of preference
-    altimeters : altimeters for height aiding over known terrain
-    airspeed   : device for true airspeed aiding; the wind is estimated
-    heading    : device whose magnetic field aids the heading;  declination_deg : of the area, east positive
-    states     : 15 with, 9 without the biases of the inertial unit
-    """
-
-    imu: Name
-    unit: Literal["navigation", "tactical", "mems"] = "tactical"
-    gnss: tuple[Name, ...] = ()
-    baro: tuple[Name, ...] = ()
-    altimeters: tuple[Name, ...] = ()
-    airspeed: Name | None = None
-    heading: Name | None = None
-    declination_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
-    states: Literal[9, 15] = 15
+    imu: Annotated[Name, key("device whose specific force and turn rate are integrated", NO_UNIT, "ins")]
+    unit: Annotated[Literal["navigation", "tactical", "mems"], key("grade of the inertial unit", NO_UNIT)] = "tactical"
+    gnss: Annotated[tuple[Name, ...], key("devices whose positions and velocities aid", NO_UNIT, ["gnss"])] = ()
+    baro: Annotated[
+        tuple[Name, ...],
+        key(
+            "devices whose pressure altitudes aid, in order of preference: one at a time, the next one after 2 s "
+            "without "
+            "data; a single name needs no list",
+            NO_UNIT,
+            ["air_data"],
+        ),
+    ] = ()
+    altimeters: Annotated[
+        tuple[Name, ...],
+        key("devices of nav.altimeters whose heights aid over known terrain, once a second", NO_UNIT, ["radalt"]),
+    ] = ()
+    airspeed: Annotated[
+        Name | None,
+        key(
+            "device whose true airspeed aids, every 5 s above 15 m/s, with an estimated wind; none: no such aiding",
+            NO_UNIT,
+            "air_data",
+        ),
+    ] = None
+    heading: Annotated[
+        Name | None,
+        key(
+            "device whose magnetic field aids the heading, once a second; needs declination_deg; none: no such aiding",
+            NO_UNIT,
+            "magnetometer",
+        ),
+    ] = None
+    declination_deg: Annotated[
+        Annotated[float, Field(ge=-180, le=180)] | None,
+        key("direction of magnetic north in the area, positive east of true north; given with heading", "deg", 3.5),
+    ] = None
+    states: Annotated[Literal[9, 15], key("15: with the biases of the inertial unit; 9: without", ONE)] = 15
 
     @field_validator("baro", mode="before")
     @classmethod
@@ -255,88 +487,132 @@ class Filter(StrictModel):
 
 
 class Station(StrictModel):
-    """``[nav.radio.station.NAME]``: position of a DME station; the altitude is above the ellipsoid."""
+    """``[nav.radio.station.NAME]``: position of a DME station; NAME is the name that the devices send."""
 
-    lat_deg: Annotated[float, Field(ge=-90, le=90)]
-    lon_deg: Annotated[float, Field(ge=-180, le=180)]
-    alt_m: Metres
+    lat_deg: Annotated[float, Field(ge=-90, le=90), key("latitude, positive north", "deg", 36.7)]
+    lon_deg: Annotated[float, Field(ge=-180, le=180), key("longitude, positive east", "deg", -84.1)]
+    alt_m: Annotated[Metres, key("altitude above the WGS84 ellipsoid", "m", 420.0)]
 
 
 class Radio(StrictModel):
-    """``[nav.radio]``: position from satellites and DME.
+    """``[nav.radio]``: position from satellites and DME, used if neither a device nor the filter provides one."""
 
-    receiver  : device whose satellites and fixes are used;  station : DME stations by the names that devices send
-    altimeter : device whose heights over known terrain are used when few satellites are available
-    dme_sd_m  : one sigma of a DME range
-    """
-
-    receiver: Name | None = None
-    station: dict[str, Station] = Field(default_factory=dict)
-    altimeter: Name | None = None
-    dme_sd_m: Positive = 222.0
+    receiver: Annotated[
+        Name | None, key("device whose satellites and fixes are used; none: DME alone", NO_UNIT, "gnss")
+    ] = None
+    station: Annotated[
+        dict[str, Station], key("[nav.radio.station.NAME]: DME stations by the names in the messages", NO_UNIT)
+    ] = Field(default_factory=dict)
+    altimeter: Annotated[
+        Name | None,
+        key(
+            "device of nav.altimeters whose heights over known terrain give the altitude where its predicted sigma is "
+            "the "
+            "smaller one; none: no altimeter",
+            NO_UNIT,
+            "radalt",
+        ),
+    ] = None
+    dme_sd_m: Annotated[Positive, key("1-sigma of a DME range", "m")] = 222.0
 
 
 class UnstatedSd(StrictModel):
-    """``[nav.unstated_sd]``: one sigma of a position, horizontal and vertical [m], for sources that state none.
+    """``[nav.unstated_sd]``: the sigma of a position or an attitude whose source states none.
 
-    satellites : of a receiver      inertial : of a device that also gives attitude
-    attitude_deg : of an attitude, tilt and heading; typical of a small MEMS unit in motion
-
-    The defaults are the 95 % errors of the service, 8 m and 13 m (GPS Standard Positioning Service Performance
-    Standard 2020, table 3.8-3: global average), over 2.45 and 1.96.  An inertial system is aided by satellites and
-    coasts without them: 1.5 times as much.
+    The defaults of a receiver are the 95 % errors of the service, 8 m and 13 m (GPS Standard Positioning Service
+    Performance Standard 2020, table 3.8-3: global average), over 2.45 and 1.96.  An inertial system is aided by
+    satellites and coasts without them: 1.5 times as much.
     """
 
-    satellites: tuple[Positive, Positive] = (3.3, 6.6)
-    inertial: tuple[Positive, Positive] = (5.0, 10.0)
-    attitude_deg: tuple[Positive, Positive] = (1.0, 2.0)
+    satellites: Annotated[
+        tuple[Positive, Positive], key("1-sigma of the position of a receiver: horizontal, vertical", "m")
+    ] = (3.3, 6.6)
+    inertial: Annotated[
+        tuple[Positive, Positive],
+        key("1-sigma of the position of a device that is in nav.attitude as well: horizontal, vertical", "m"),
+    ] = (5.0, 10.0)
+    attitude_deg: Annotated[
+        tuple[Positive, Positive],
+        key("1-sigma of an attitude: tilt, heading; typical of a small MEMS unit in motion", "deg"),
+    ] = (1.0, 2.0)
 
 
 class AlertLimits(StrictModel):
-    """``[nav.alert_limits]``: position, altitude and tilt are valid while their protection levels are below these.
+    """``[nav.alert_limits]``: required quality of position, altitude and attitude."""
 
-    compared : position and attitude are valid only while another source, or the filter, allows a comparison
-    """
-
-    position_m: Positive = 200.0
-    altitude_m: Positive = 30.0
-    attitude_deg: Positive = 2.0
-    compared: bool = False
+    position_m: Annotated[
+        Positive, key("the position is invalid while its horizontal protection level is larger", "m")
+    ] = 200.0
+    altitude_m: Annotated[
+        Positive, key("the altitude is invalid while its vertical protection level is larger", "m")
+    ] = 30.0
+    attitude_deg: Annotated[
+        Positive, key("roll and pitch are invalid while the protection level of the tilt is larger", "deg")
+    ] = 2.0
+    compared: Annotated[
+        bool,
+        key(
+            "true: position and attitude are also invalid while no other source, nor the filter, can be compared with "
+            "theirs; needs [nav.filter] with gnss",
+            NO_UNIT,
+        ),
+    ] = False
 
 
 class SourceLimits(StrictModel):
-    """``[nav.limits]``: performance limits of the aircraft; a position source that exceeds them is excluded.
+    """``[nav.limits]``: flight limits of the aircraft; a position source that exceeds them is refused."""
 
-    speed_mps, climb_mps : largest speed over ground and vertical speed
-    acceleration_mps2    : largest acceleration without gravity: 30 is a level turn of 3.2 g
-    wind_mps             : strongest wind; it limits the angle between heading and track
-    undulation_m         : largest difference between the stated geoid undulation and EGM96
-    """
-
-    speed_mps: Positive = 400.0
-    climb_mps: Positive = 150.0
-    acceleration_mps2: Positive = 30.0
-    wind_mps: Positive = 40.0
-    undulation_m: Positive = 5.0
+    speed_mps: Annotated[Positive, key("largest speed over ground", "m/s")] = 400.0
+    climb_mps: Annotated[Positive, key("largest vertical speed, up or down", "m/s")] = 150.0
+    acceleration_mps2: Annotated[
+        Positive, key("largest acceleration without gravity; 30 is a level turn of 3.2 g", "m/s2")
+    ] = 30.0
+    wind_mps: Annotated[Positive, key("strongest wind; it limits the angle between heading and track", "m/s")] = 40.0
+    undulation_m: Annotated[
+        Positive, key("largest difference between a stated undulation of the geoid and EGM96", "m")
+    ] = 5.0
 
 
 class Nav(StrictModel):
-    """``[nav]``: roles, each a list of devices in order of preference.
+    """``[nav]``: roles of the devices."""
 
-    wheels_b : reference point P to the contact point of the lowest wheel, body frame [m]
-    """
-
-    attitude: tuple[Name, ...] = ()
-    position: tuple[Name, ...] = ()
-    altimeters: tuple[Name, ...] = ()
-    wheels_b: Vector | None = None
-    terrain: TerrainFiles | None = None
-    filter: Filter | None = None
-    radio: Radio | None = None
-    approach: Approach | None = None
-    unstated_sd: UnstatedSd = UnstatedSd()
-    alert_limits: AlertLimits = AlertLimits()
-    limits: SourceLimits = SourceLimits()
+    attitude: Annotated[
+        tuple[Name, ...],
+        key(
+            "devices for roll, pitch and heading, in order of preference; the names filter, radio and vertical are "
+            "reserved",
+            NO_UNIT,
+            ["ins"],
+        ),
+    ] = ()
+    position: Annotated[
+        tuple[Name, ...],
+        key(
+            "devices for position, velocity and altitude, in order of preference; the names filter, radio and vertical "
+            "are reserved",
+            NO_UNIT,
+            ["ins", "gnss"],
+        ),
+    ] = ()
+    altimeters: Annotated[
+        tuple[Name, ...], key("devices with a [device.altimeter] table; all of them are used", NO_UNIT, ["radalt"])
+    ] = ()
+    wheels_b: Annotated[
+        Vector | None,
+        key(
+            "contact point of the lowest wheel from the reference point: forward, right, down; height outputs then "
+            "contain the height of the wheels too; none: they do not",
+            "m",
+            [-0.4, 0.0, 1.6],
+        ),
+    ] = None
+    terrain: Annotated[TerrainFiles | None, key("[nav.terrain]; none: no known terrain", NO_UNIT)] = None
+    filter: Annotated[Filter | None, key("[nav.filter]; none: no inertial filter", NO_UNIT)] = None
+    radio: Annotated[Radio | None, key("[nav.radio]; none: no position from satellites and DME", NO_UNIT)] = None
+    approach: Annotated[Approach | None, key("[nav.approach]; none: no integrity monitor", NO_UNIT)] = None
+    unstated_sd: Annotated[UnstatedSd, key("[nav.unstated_sd]", NO_UNIT)] = UnstatedSd()
+    alert_limits: Annotated[AlertLimits, key("[nav.alert_limits]", NO_UNIT)] = AlertLimits()
+    limits: Annotated[SourceLimits, key("[nav.limits]", NO_UNIT)] = SourceLimits()
 
 
 def position_sources(nav: Nav) -> tuple[str, ...]:
@@ -352,21 +628,27 @@ def altimeter_links(devices: Sequence[Device], nav: Nav) -> frozenset[str]:
 
 
 class Display(StrictModel):
-    """``[display]``: the page; on loopback only."""
+    """``[display]``: the page in the browser, on loopback only."""
 
-    enabled: bool = True
-    address: Literal["127.0.0.1"] = "127.0.0.1"
-    port: Annotated[int, Field(ge=0, le=65535)] = 8080
+    enabled: Annotated[bool, key("serve the page; for marks and commands open it with fti page", NO_UNIT)] = True
+    address: Annotated[Literal["127.0.0.1"], key("address of the page; no other one is allowed", NO_UNIT)] = "127.0.0.1"
+    port: Annotated[
+        int,
+        Field(ge=0, le=65535),
+        key("port of the page; 0: any free one; while another program uses it, the daemon retries", NO_UNIT),
+    ] = 8080
 
 
 class Bus(StrictModel):
-    """``[bus]``: outputs and health for foreign zenoh clients, at an explicit endpoint on loopback.
+    """``[bus]``: outputs, health and events for zenoh clients of this computer, on loopback only.
 
-    A configured port enables it; port 0 selects a free one.
+    The file ``fti.json`` in the run directory states the endpoint.
     """
 
-    enabled: bool = False
-    port: Annotated[int, Field(ge=0, le=65535)] = 0
+    enabled: Annotated[
+        bool, key("publish on the bus; a table with port and without this key counts as true", NO_UNIT)
+    ] = False
+    port: Annotated[int, Field(ge=0, le=65535), key("port of the endpoint; 0: any free one", NO_UNIT)] = 0
 
     @model_validator(mode="before")
     @classmethod
@@ -375,18 +657,18 @@ class Bus(StrictModel):
 
 
 class Config(StrictModel):
-    """The whole configuration.  ``text`` is the text of the file; ``path`` its path."""
+    """The tables of the file."""
 
-    session: Session
-    link: tuple[Link, ...] = ()
-    device: tuple[Device, ...] = ()
-    nav: Nav = Nav()
-    display: Display = Display()
-    bus: Bus = Bus()
-    snapshot: Snapshot | None = None
-    recorder: RecorderTuning = RecorderTuning()
-    path: str = ""
-    text: str = ""
+    session: Annotated[Session, key("[session]: storage of the recording", NO_UNIT)]
+    link: Annotated[tuple[Link, ...], key("[[link]]: ports", NO_UNIT)] = ()
+    device: Annotated[tuple[Device, ...], key("[[device]]: instruments", NO_UNIT)] = ()
+    nav: Annotated[Nav, key("[nav]: roles of the devices", NO_UNIT)] = Nav()
+    display: Annotated[Display, key("[display]: the page in the browser", NO_UNIT)] = Display()
+    bus: Annotated[Bus, key("[bus]: outputs for other programs", NO_UNIT)] = Bus()
+    snapshot: Annotated[Snapshot | None, key("[snapshot]: triggered captures; none: no triggers", NO_UNIT)] = None
+    recorder: Annotated[RecorderTuning, key("[recorder]: real-time settings", NO_UNIT)] = RecorderTuning()
+    path: SkipJsonSchema[str] = ""  # of the file
+    text: SkipJsonSchema[str] = ""  # of the file
 
     def devices_on(self, link: str) -> tuple[Device, ...]:
         """The devices on a link."""

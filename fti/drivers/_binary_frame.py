@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import pydantic
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.drivers._checksums import CHECKSUMS, ChecksumKind
 from fti.drivers._framing import Skip, skip_to
 from fti.formats.described_fields import Field, WireValue, decode_fields, make_field_codecs
@@ -25,39 +26,53 @@ Hex = Annotated[str, pydantic.Field(pattern=r"^([0-9A-Fa-f]{2} ?)*$")]
 
 
 class NumberLocation(StrictModel):
-    """Location of a number: ``at`` [bytes from the start of the frame], type and, of an integer, bits."""
+    """Location and type of a number in a frame."""
 
-    at: ByteOffset
-    type: Literal["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
-    bits: Bits | None = None
+    at: Annotated[ByteOffset, key("offset of its first byte; that of the first byte of the frame is 0", "byte", 2)]
+    type: Annotated[
+        Literal["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"],
+        key("type: u unsigned, i signed, f floating point, with the number of bits", NO_UNIT, "u16"),
+    ]
+    bits: Annotated[
+        Bits | None,
+        key("only these bits of an unsigned number: lowest bit, number of bits; none: all", "bit", [0, 12]),
+    ] = None
 
 
 class BinaryField(Field, NumberLocation):
-    """A field and its location."""
+    """A field of a frame: its meaning and its location."""
 
 
 class LengthLocation(NumberLocation):
-    """Location of the frame length; ``plus`` is added to the number."""
+    """Location of the length of a frame."""
 
-    plus: Annotated[int, pydantic.Field(ge=-MAX_FRAME_BYTES, le=MAX_FRAME_BYTES)] = 0
+    plus: Annotated[
+        int,
+        pydantic.Field(ge=-MAX_FRAME_BYTES, le=MAX_FRAME_BYTES),
+        key("added to the number: the whole frame has that many bytes", "byte"),
+    ] = 0
 
 
 class ConstantField(NumberLocation):
-    """A number with a required value."""
+    """A number with a required value; frames with another value belong to another device."""
 
-    value: int
+    value: Annotated[int, key("required value", ONE, 44)]
 
 
 class FrameChecksum(StrictModel):
-    """``kind``; location (from the end if negative; default: the last bytes); ``start`` of the covered bytes.
+    """The checksum of a frame."""
 
-    byte_order : of the checksum; default: that of the frame
-    """
-
-    kind: ChecksumKind
-    at: Annotated[int, pydantic.Field(ge=-MAX_FRAME_BYTES, lt=MAX_FRAME_BYTES)] | None = None
-    start: ByteOffset = 0
-    byte_order: ByteOrder | None = None
+    kind: Annotated[ChecksumKind, key("algorithm", NO_UNIT, "sum8")]
+    at: Annotated[
+        Annotated[int, pydantic.Field(ge=-MAX_FRAME_BYTES, lt=MAX_FRAME_BYTES)] | None,
+        key("offset of the checksum, negative: from the end of the frame; none: the last bytes", "byte", -2),
+    ] = None
+    start: Annotated[
+        ByteOffset, key("offset of the first covered byte; those up to the checksum are covered", "byte")
+    ] = 0
+    byte_order: Annotated[
+        ByteOrder | None, key("byte order of the checksum; none: that of the frame", NO_UNIT, "big")
+    ] = None
 
     def position(self, length: int) -> int:
         """Offset of the checksum in a frame of this length."""
@@ -66,20 +81,38 @@ class FrameChecksum(StrictModel):
 
 
 class FrameOptions(StrictModel):
-    """Format of a frame, see ``binary_struct``.
+    """Format of a frame, see ``binary_struct``."""
 
-    longest : maximum size of a frame with a length field [bytes]
-    """
-
-    sync: Hex = ""
-    length: Annotated[int, pydantic.Field(ge=2, le=MAX_FRAME_BYTES)] | None = None
-    length_in: LengthLocation | None = None
-    longest: Annotated[int, pydantic.Field(ge=2, le=MAX_FRAME_BYTES)] = 256
-    byte_order: ByteOrder = "little"
-    trailer: Hex = ""
-    checksum: FrameChecksum | None = None
-    where: tuple[ConstantField, ...] = ()
-    fields: tuple[BinaryField, ...] = ()
+    sync: Annotated[Hex, key("first bytes of every frame", NO_UNIT, "59 59")] = ""
+    length: Annotated[
+        Annotated[int, pydantic.Field(ge=2, le=MAX_FRAME_BYTES)] | None,
+        key("length of the whole frame; none: stated by length_in", "byte", 9),
+    ] = None
+    length_in: Annotated[
+        LengthLocation | None,
+        key("[device.options.length_in]: location of the length in the frame; none: length is constant", NO_UNIT),
+    ] = None
+    longest: Annotated[
+        int, pydantic.Field(ge=2, le=MAX_FRAME_BYTES), key("with length_in: maximum length of a frame", "byte")
+    ] = 256
+    byte_order: Annotated[ByteOrder, key("byte order of the numbers; little: low byte first", NO_UNIT)] = "little"
+    trailer: Annotated[Hex, key("last bytes of every frame; empty: none", NO_UNIT)] = ""
+    checksum: Annotated[
+        FrameChecksum | None,
+        key("[device.options.checksum]: checksum of a frame; none: frames are accepted unchecked", NO_UNIT),
+    ] = None
+    where: Annotated[
+        tuple[ConstantField, ...],
+        key("[[device.options.where]]: required numbers of a frame of this device; others are counted", NO_UNIT),
+    ] = ()
+    fields: Annotated[
+        tuple[BinaryField, ...],
+        key(
+            "[[device.options.fields]]: fields of the frame; empty and no other key of the frame: the Benewake TFmini "
+            "Plus",
+            NO_UNIT,
+        ),
+    ] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from typing import Annotated
 import pydantic
 
 from fti.config import Positive, StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._checksums import CHECKSUMS, ChecksumKind
@@ -45,11 +46,13 @@ PRINTABLE = re.compile(rb"[\x20-\x7e\t]*")
 
 
 class LineChecksum(StrictModel):
-    """``kind``: the algorithm; ``after``, ``before``: delimiters of the covered text, "" : the ends of the line."""
+    """The checksum of a line; its field in the template is {checksum}."""
 
-    kind: ChecksumKind
-    after: str = ""
-    before: str = ""
+    kind: Annotated[ChecksumKind, key("algorithm", NO_UNIT, "xor8")]
+    after: Annotated[str, key("text before the covered part; empty: the line begins with it", NO_UNIT, "$")] = ""
+    before: Annotated[
+        str, key("text after the covered part; empty: it ends where the checksum begins", NO_UNIT, "*")
+    ] = ""
 
     def compute(self, line: bytes) -> int:
         """The checksum of the part of a line before {checksum}."""
@@ -59,28 +62,59 @@ class LineChecksum(StrictModel):
 
 
 class LinePoll(StrictModel):
-    """``send``: the request, with its terminator; ``every_s``: period [s]."""
+    """The request of a polled device, a text."""
 
-    every_s: Positive
-    send: Annotated[str, pydantic.Field(min_length=1, max_length=MAX_COMMAND_BYTES)]
+    every_s: Annotated[Positive, key("period of the requests", "s", 1.0)]
+    send: Annotated[
+        str,
+        pydantic.Field(min_length=1, max_length=MAX_COMMAND_BYTES),
+        key("text of the request, with its terminator", NO_UNIT, "0R2\r\n"),
+    ]
 
 
 class Options(StrictModel):
-    r"""``line``: the template; ``lost_lines``: templates of lines that mean "no measurement".
+    """Format of the lines, see ``docs/add-a-sensor.md``."""
 
-    ``longest``: maximum length of a line; ``first_line``: "take" if the first bytes after a connect begin a line;
-    ``on_connect``: lines to the device after every connect, with terminators.
-    """
-
-    line: str = "{slant_range:f}"
-    fields: tuple[Field, ...] = (Field(name="slant_range", lost=(*LOST_M, 0.0), limits=(0.0, 500.0)),)
-    lost_lines: tuple[str, ...] = ("E{_code:d}",)
-    terminator: Annotated[str, pydantic.Field(min_length=1, max_length=4)] = "\r\n"
-    checksum: LineChecksum | None = None
-    longest: Annotated[int, pydantic.Field(ge=8, le=2048)] = 256
-    first_line: FirstLine = "skip"
-    on_connect: tuple[str, ...] = ()
-    poll: LinePoll | None = None
+    line: Annotated[str, key("template of a line, with a field {NAME:FORMAT} for each value", NO_UNIT)] = (
+        "{slant_range:f}"
+    )
+    fields: Annotated[
+        tuple[Field, ...],
+        key(
+            "[[device.options.fields]]: meaning of the fields of the template; a field without one is a number in SI "
+            "units",
+            NO_UNIT,
+        ),
+    ] = (Field(name="slant_range", lost=(*LOST_M, 0.0), limits=(0.0, 500.0)),)
+    lost_lines: Annotated[
+        tuple[str, ...],
+        key("templates of lines that mean that there is no measurement, even where line matches them", NO_UNIT),
+    ] = ("E{_code:d}",)
+    terminator: Annotated[
+        str,
+        pydantic.Field(min_length=1, max_length=4),
+        key("each of its characters ends a line; all of them are sent after a line", NO_UNIT),
+    ] = "\r\n"
+    checksum: Annotated[
+        LineChecksum | None,
+        key("[device.options.checksum]: checksum of a line; none: the template has no {checksum}", NO_UNIT),
+    ] = None
+    longest: Annotated[int, pydantic.Field(ge=8, le=2048), key("maximum length of a line", "byte")] = 256
+    first_line: Annotated[
+        FirstLine,
+        key(
+            "the first bytes after a connect; skip: they may be the end of a line; take: they begin a line, as in "
+            "datagrams; never on a serial line",
+            NO_UNIT,
+        ),
+    ] = "skip"
+    on_connect: Annotated[
+        tuple[str, ...], key("texts to send after every connect, with their terminators", NO_UNIT)
+    ] = ()
+    poll: Annotated[
+        LinePoll | None,
+        key("[device.options.poll]: the request of a polled device; none: it sends without requests", NO_UNIT),
+    ] = None
 
 
 class LineCodec:
@@ -140,9 +174,9 @@ class LineCodec:
 def _check_characters(options: Options) -> None:
     """Sent text must have one byte per character.  Raises ValueError."""
     texts = {"terminator": options.terminator, "poll.send": options.poll.send if options.poll else ""}
-    for key, text in (*texts.items(), *(("on_connect", text) for text in options.on_connect)):
+    for name, text in (*texts.items(), *(("on_connect", text) for text in options.on_connect)):
         if any(ord(character) > 255 for character in text):
-            raise ValueError(f"{key} = {text!r}: each character must be one byte, up to U+00FF")
+            raise ValueError(f"{name} = {text!r}: each character must be one byte, up to U+00FF")
 
 
 def _lost_line(text: str) -> Template:
@@ -159,9 +193,9 @@ def _check_checksum(rule: LineChecksum, template: Template) -> None:
     size = 2 * CHECKSUMS[rule.kind].size
     if field.kind not in "dxX" or (field.kind != "d" and field.width not in (0, size)):
         raise ValueError(f"checksum: {rule.kind} needs the format {{checksum:0{size}X}}, 0{size}x or d")
-    for key, text in (("after", rule.after), ("before", rule.before)):
+    for name, text in (("after", rule.after), ("before", rule.before)):
         if not any(text in before for before in texts):
-            raise ValueError(f"checksum: {key} = {text!r}: must be in the line before the checksum")
+            raise ValueError(f"checksum: {name} = {text!r}: must be in the line before the checksum")
 
 
 class Decoder:

@@ -23,8 +23,10 @@ The default is the Benewake TFmini Plus (SJ-PM-TFmini Plus-T-01 A04, 5.3 and 5.4
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Annotated
 
 from fti.config import Positive, StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.drivers import Command
 from fti.drivers._arguments import check_complete
 from fti.drivers._binary_frame import MAX_FRAME_BYTES, BinaryField, FrameChecksum, FrameCodec, FrameOptions, Hex
@@ -43,17 +45,20 @@ MAX_COMMAND_BYTES = 256
 
 
 class FramePoll(StrictModel):
-    """``send``: the request in hexadecimal; ``every_s``: period [s]."""
+    """The request of a polled device, in hexadecimal."""
 
-    every_s: Positive
-    send: Hex
+    every_s: Annotated[Positive, key("period of the requests", "s", 0.1)]
+    send: Annotated[Hex, key("bytes of the request", NO_UNIT, "5A 04 04 62")]
 
 
 class Options(FrameOptions):
-    """The frame; ``on_connect``: messages to the device after every connect, in hexadecimal."""
+    """Format of the frames, see ``docs/add-a-sensor.md``."""
 
-    on_connect: tuple[Hex, ...] = ()
-    poll: FramePoll | None = None
+    on_connect: Annotated[tuple[Hex, ...], key("messages to send after every connect", NO_UNIT)] = ()
+    poll: Annotated[
+        FramePoll | None,
+        key("[device.options.poll]: the request of a polled device; none: it sends without requests", NO_UNIT),
+    ] = None
 
 
 TFMINI_PLUS = Options(

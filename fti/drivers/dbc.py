@@ -36,6 +36,7 @@ from pydantic import Field
 
 from fti.canframe import EXTENDED
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.drivers import Counters
 from fti.drivers._dbc_frames import FrameBuilder
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
@@ -54,16 +55,19 @@ BUILT_IN_DBC = importlib.resources.files("fti.drivers.canaerospace").joinpath("p
 
 
 class Options(StrictModel):
-    """``dbc_file`` names the DBC (``dbc`` is its text, filled in from the file).
+    """Options of devices on CAN whose messages a DBC describes."""
 
-    ``counter``: signal that counts the messages of an identifier and rolls over at its maximum; empty: none.
-    ``silent_after``: periods without a message until a node is reported as silent.
-    """
-
-    dbc_file: str | None = None
-    dbc: str = ""
-    counter: str = "message_code"
-    silent_after: Annotated[float, Field(ge=2, le=1000)] = 5.0
+    dbc_file: Annotated[str | None, key("file of the DBC; none: the text in dbc", NO_UNIT, "dbc/air_data_unit.dbc")] = (
+        None
+    )
+    dbc: Annotated[str, key("text of the DBC, filled in from dbc_file; empty: CANaerospace", NO_UNIT)] = ""
+    counter: Annotated[
+        str,
+        key("signal that counts the messages of an identifier and rolls over at its maximum; empty: none", NO_UNIT),
+    ] = "message_code"
+    silent_after: Annotated[
+        float, Field(ge=2, le=1000), key("message periods without a message until a node is reported as silent", ONE)
+    ] = 5.0
 
 
 def text_of(options: Options) -> str:

@@ -27,6 +27,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.constants import FOOT
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
@@ -51,15 +52,16 @@ NotNegative = Annotated[float, Field(ge=0)]
 
 
 class Options(StrictModel):
-    """``checksum``: algorithm of byte 6 over bytes 3-5; ``dle_stuffing``: 0x10 in the data is sent twice.
+    """Options of a radar altimeter."""
 
-    ``sd_ft``, ``sd_percent``: one sigma of the instrument, in feet and in percent of the height.
-    """
-
-    checksum: Literal["none", "xor", "sum"] = "none"
-    dle_stuffing: bool = False
-    sd_ft: NotNegative = 0.0
-    sd_percent: NotNegative = 0.0
+    checksum: Annotated[
+        Literal["none", "xor", "sum"], key("algorithm of byte 6 over bytes 3 to 5; none: it is not checked", NO_UNIT)
+    ] = "none"
+    dle_stuffing: Annotated[bool, key("a byte 0x10 in the data is sent twice", NO_UNIT)] = False
+    sd_ft: Annotated[NotNegative, key("constant part of the 1-sigma of the instrument", "ft")] = 0.0
+    sd_percent: Annotated[
+        NotNegative, key("part of the 1-sigma of the instrument in proportion to the height", "%")
+    ] = 0.0
 
 
 def _checksum(rule: str, data: bytes) -> int:

@@ -30,6 +30,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Positive, StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete, number_or_nan
 from fti.drivers._line_framing import FirstLine, LineFramer
@@ -65,15 +66,24 @@ ANSWER_COMMANDS = {b"p": "identify", b"lf": "laser", b"lo": "zero_offset", b"%p"
 
 
 class Options(StrictModel):
-    """``query``: request to the device, every ``poll_s``; ``lost_m``: distances that mean "no return" [m].
+    """Options of a laser with text lines."""
 
-    ``first_line``: "take" if the first bytes after a connect begin a line (each datagram a line).
-    """
-
-    query: Literal["none", "d", "ldf"] = "none"
-    poll_s: Positive = 0.1
-    lost_m: tuple[Annotated[float, Field(ge=0)], ...] = LOST_M
-    first_line: FirstLine = "skip"
+    query: Annotated[
+        Literal["none", "d", "ldf"],
+        key("request of a distance; none: the device sends without requests; d: one letter; ldf: of an LW20", NO_UNIT),
+    ] = "none"
+    poll_s: Annotated[Positive, key("period of the requests", "s")] = 0.1
+    lost_m: Annotated[
+        tuple[Annotated[float, Field(ge=0)], ...], key("distances that mean that there is no return", "m")
+    ] = LOST_M
+    first_line: Annotated[
+        FirstLine,
+        key(
+            "the first bytes after a connect; skip: they may be the end of a line; take: they begin a line, as in "
+            "datagrams",
+            NO_UNIT,
+        ),
+    ] = "skip"
 
 
 def read_distance(line: bytes, query: str) -> float | None:

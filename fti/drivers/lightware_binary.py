@@ -43,6 +43,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._framing import FramedDecoder, Framer, Skip, skip_to
@@ -98,16 +99,20 @@ COMMANDS: Mapping[str, Command] = {
 
 
 class Options(StrictModel):
-    """``family``: the table of outputs; ``outputs``: the enabled ones; ``distance``: the one for Range.
+    """Options of a laser with binary packets."""
 
-    ``unit``: "mm" (command 45) if the device supports it; ``lost_m``: distances that mean "no return" [m].
-    """
-
-    family: Literal["sf20", "sf45"] = "sf20"
-    outputs: tuple[str, ...] = ("first_raw", "first_strength")
-    distance: str = "first_raw"
-    unit: Literal["cm", "mm"] = "cm"
-    lost_m: tuple[Annotated[float, Field(ge=0)], ...] = LOST_M
+    family: Annotated[Literal["sf20", "sf45"], key("family of the device: it defines the outputs", NO_UNIT)] = "sf20"
+    outputs: Annotated[tuple[str, ...], key("outputs that are enabled in the device, by name", NO_UNIT)] = (
+        "first_raw",
+        "first_strength",
+    )
+    distance: Annotated[str, key("output that becomes the range", NO_UNIT)] = "first_raw"
+    unit: Annotated[
+        Literal["cm", "mm"], key("unit of the distances; mm if the device supports it (command 45)", NO_UNIT)
+    ] = "cm"
+    lost_m: Annotated[
+        tuple[Annotated[float, Field(ge=0)], ...], key("distances that mean that there is no return", "m")
+    ] = LOST_M
 
 
 class OutputLayout:

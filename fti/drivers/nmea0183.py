@@ -37,9 +37,10 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Literal
+from typing import Annotated, Literal
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.drivers._framing import FramedDecoder, Skip
 from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence
 from fti.drivers._nmea_sentences import Sentences
@@ -77,9 +78,12 @@ _COMMENT = re.compile(rb"[^$!\n]*\n?")
 
 
 class Options(StrictModel):
-    """checksum : "required", or "optional" for a device that sends none; an existing one must be correct."""
+    """Options of a receiver with text sentences."""
 
-    checksum: Literal["required", "optional"] = "required"
+    checksum: Annotated[
+        Literal["required", "optional"],
+        key("optional: also for a device that sends none; a checksum that is sent must be correct", NO_UNIT),
+    ] = "required"
 
 
 # ------------------------------------------------------------------------------------------------------- framing

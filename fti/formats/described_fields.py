@@ -16,6 +16,7 @@ from typing import Annotated
 import pydantic
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.formats.quantities import QUANTITIES, Quantity, to_si
 from fti.messages.measurements import DmeRange, Measurement, Range, Reading, Stamp, StaticPressure, Temperature
 
@@ -28,24 +29,36 @@ FieldName = Annotated[str, pydantic.Field(pattern=r"^(_?[a-z][a-z0-9_]*|_)$", ma
 
 
 class Field(StrictModel):
-    """Meaning of a field.
+    """Meaning of a field of a line or of a frame: value = number x scale + offset, in ``unit``."""
 
-    quantity : of ``fti.formats.quantities``, if the name is not one; unit : of the value; SI when empty
-    lost     : values without a measurement: numbers as on the wire, or text
-    limits   : minimum and maximum of a valid value [unit]
-    good     : required values; all others are not valid
-    needs    : other fields that must be valid as well
-    """
-
-    name: FieldName
-    quantity: str = ""
-    unit: str = ""
-    scale: float = 1.0
-    offset: float = 0.0
-    lost: tuple[float | str, ...] = ()
-    limits: tuple[float, float] | None = None
-    good: tuple[float | str, ...] = ()
-    needs: tuple[str, ...] = ()
+    name: Annotated[
+        FieldName,
+        key(
+            "name of a quantity, or any other name for a reading; with _ at the beginning the field is only checked",
+            NO_UNIT,
+            "slant_range",
+        ),
+    ]
+    quantity: Annotated[
+        str, key("quantity of the value, where its name is not one, as with two static pressures", NO_UNIT)
+    ] = ""
+    unit: Annotated[str, key("unit of the value; empty: SI; of a reading any word", NO_UNIT)] = ""
+    scale: Annotated[float, key("factor of the number", "unit per digit")] = 1.0
+    offset: Annotated[float, key("added after the multiplication with scale", "unit")] = 0.0
+    lost: Annotated[
+        tuple[float | str, ...],
+        key("values without a measurement: numbers as sent, before scale, or texts", NO_UNIT, [0.0]),
+    ] = ()
+    limits: Annotated[
+        tuple[float, float] | None, key("smallest and largest valid value; none: no limits", "unit", [0.0, 500.0])
+    ] = None
+    good: Annotated[
+        tuple[float | str, ...],
+        key("required values, numbers as sent or texts; all others are not valid; empty: every value", NO_UNIT),
+    ] = ()
+    needs: Annotated[
+        tuple[str, ...], key("other fields that must be valid for this one to be valid, with their own needs", NO_UNIT)
+    ] = ()
 
 
 @dataclass(frozen=True, slots=True)

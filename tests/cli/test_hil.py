@@ -200,8 +200,10 @@ def test_kinds_of_faults_as_json(capsys: pytest.CaptureFixture[str]) -> None:
         "name": "by_s",
         "unit": "s",
         "default": "",
-        "limits": "number >= -1e+08, <= 1e+08",
+        "limits": "number >= -100000000, <= 100000000",
         "description": "error of the clock, positive: fast",
+        "example": "3.0",
+        "instead": "",
     }
     assert "freeflight_ra4500" not in kind["drivers"]
     assert "nmea0183" in kind["drivers"]

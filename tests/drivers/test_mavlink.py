@@ -12,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
+from fti import config
+from fti.devices import bind_devices
 from fti.drivers import Counters, mavlink
 from fti.drivers.mavlink import READERS, wire
 from fti.drivers.mavlink.wire import BASE_LENGTH, dialect_map, layout, signature
@@ -101,6 +103,18 @@ def test_the_signatures_of_the_c_library_hold_with_its_key_only() -> None:
     found, counters = decode(SIGNED, key=bytes(32).hex())
     assert not found
     assert counters.skipped == {"bad_signature": len(SIGNED)}
+
+
+def test_the_key_may_be_in_a_file(tmp_path: Path) -> None:
+    (tmp_path / "signing.key").write_text(f"{KEY.hex()}\n")
+    file = tmp_path / "craft.toml"
+    file.write_text(
+        'session = { name = "craft" }\nlink = [{ name = "line", kind = "udp", bind = "127.0.0.1:14550" }]\n'
+        'device = [{ name = "autopilot", link = "line", driver = "mavlink", options = { key_file = "signing.key" } }]\n'
+    )
+    (autopilot,) = bind_devices(config.load(file))
+    decoder = autopilot.make_decoder()
+    assert decoder.feed(SIGNED, 1) and not decoder.counters.skipped
 
 
 def test_with_a_key_nothing_else_is_accepted() -> None:

@@ -30,6 +30,7 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, Tag
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
@@ -58,19 +59,48 @@ PACKETS: dict[str, type[Apmp | Chapter10]] = {"apmp": Apmp, "chapter10": Chapter
 
 
 class Options(StrictModel):
-    """See above.  ``set``: labels of the equipment, or "none"; ``labels``: further ones, with priority over the set;
-    ``labels_file``: a file with your own label sets, whose text is then in ``labels``."""
+    """Options of an ARINC 429 bus."""
 
-    packets: Literal["none", "apmp", "chapter10"] = "none"
-    byte_order: Literal["big", "little"] = "big"
-    label_reversed: bool = True
-    parity: Literal["odd", "even", "none"] = "odd"
-    bus: Annotated[int, Field(ge=0, le=255)] | None = None
-    set: str = "radio_altimeter"
-    labels_file: str | None = None
+    packets: Annotated[
+        Literal["none", "apmp", "chapter10"],
+        key(
+            "carrier of the words; none: four bytes per word; apmp: Alta ENET-A429; chapter10: IRIG 106 chapter 10",
+            NO_UNIT,
+        ),
+    ] = "none"
+    byte_order: Annotated[
+        Literal["big", "little"],
+        key(
+            "byte order of bare words; big: bits 32-25 first; little: the label first; packets define their own",
+            NO_UNIT,
+        ),
+    ] = "big"
+    label_reversed: Annotated[
+        bool,
+        key(
+            "true: the most significant bit of the label is bit 1, as on the bus; false: the card has reversed it",
+            NO_UNIT,
+        ),
+    ] = True
+    parity: Annotated[
+        Literal["odd", "even", "none"],
+        key("parity of the 32 bits, odd by the standard; none: bit 32 has another meaning", NO_UNIT),
+    ] = "odd"
+    bus: Annotated[
+        Annotated[int, Field(ge=0, le=255)] | None,
+        key("only this bus (channel) of the packets; none: every bus", NO_UNIT, 1),
+    ] = None
+    set: Annotated[str, key("name of the label set of the equipment; none: only labels", NO_UNIT)] = "radio_altimeter"
+    labels_file: Annotated[
+        str | None,
+        key("file with label sets of your own; none: the built-in sets", NO_UNIT, "labels/air_data_unit.toml"),
+    ] = None
     labels: Annotated[
-        Annotated[tuple[Label, ...], Tag("list")] | Annotated[str, Tag("text")],
-        Discriminator(lambda labels: "text" if isinstance(labels, str) else "list"),
+        Annotated[
+            Annotated[tuple[Label, ...], Tag("list")] | Annotated[str, Tag("text")],
+            Discriminator(lambda labels: "text" if isinstance(labels, str) else "list"),
+        ],
+        key("further labels, with priority over the set; or the text of labels_file, filled in from it", NO_UNIT),
     ] = ()
 
 

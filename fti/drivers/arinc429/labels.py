@@ -23,6 +23,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from fti.config import StrictModel, bind, parse_toml
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.drivers.arinc429.word import BNR_BITS_WITH_SDI, DISCRETE_HIGH, DISCRETE_LOW
 from fti.errors import ConfigError
 from fti.formats.quantities import QUANTITIES, to_si
@@ -36,36 +37,51 @@ EQUIPMENT_LABEL = "377"
 
 
 class Label(StrictModel):
-    """One enabled label.
+    """One enabled label: a BNR or BCD word is a quantity or a reading, a discrete word a status and small numbers."""
 
-    label      : octal digits; sdi : only this source; none : any
-    quantity   : see ``fti.formats.quantities``; or reading : name of a ``Reading``
-    unit       : of the wire; range [unit] and bits of a BNR word; resolution [unit] of a BCD word's last digit
-    sign       : -1 if this equipment uses the opposite sign
-    fine_label : label with the next ``fine_bits`` bits below those of this label
-    steps      : quantisation of the instrument; the step at the value gives the sigma
-    name       : of a discrete word; flags : {condition: bit}; not_ok : conditions that make the equipment not ok;
-                 fields : {name of a Reading: [lowest bit, highest bit]}, and a third bit if the most significant
-                 one is separate
-    """
-
-    label: Octal
-    kind: Literal["bnr", "bcd", "discrete"] = "bnr"
-    sdi: Annotated[int, Field(ge=0, le=3)] | None = None
-    quantity: str = ""
-    reading: Name | Literal[""] = ""
-    unit: str = ""
-    range: Positive | None = None
-    bits: Annotated[int, Field(ge=1, le=20)] | None = None
-    resolution: Positive | None = None
-    sign: Literal[1, -1] = 1
-    fine_label: Octal | None = None
-    fine_bits: Annotated[int, Field(ge=1, le=18)] = 11
-    steps: Literal["freeflight_ra4500"] | None = None
-    name: Name | Literal[""] = ""
-    flags: dict[Name, Bit] = Field(default_factory=dict)
-    not_ok: tuple[str, ...] = ()
-    fields: dict[Name, Annotated[tuple[Bit, ...], Field(min_length=2, max_length=3)]] = Field(default_factory=dict)
+    label: Annotated[Octal, key("octal digits of the label", NO_UNIT, "164")]
+    kind: Annotated[Literal["bnr", "bcd", "discrete"], key("format of the word", NO_UNIT)] = "bnr"
+    sdi: Annotated[
+        Annotated[int, Field(ge=0, le=3)] | None,
+        key("source identifier of the words that are used; none: any", NO_UNIT, 1),
+    ] = None
+    quantity: Annotated[str, key("quantity of the value; a number needs it or reading", NO_UNIT, "radio_height")] = ""
+    reading: Annotated[Name | Literal[""], key("name of the reading, where the value is no quantity", NO_UNIT)] = ""
+    unit: Annotated[str, key("unit of the value on the bus; empty: SI", NO_UNIT, "ft")] = ""
+    range: Annotated[
+        Positive | None, key("full scale of a BNR word, which needs it; none: another kind of word", "unit", 8192.0)
+    ] = None
+    bits: Annotated[
+        Annotated[int, Field(ge=1, le=20)] | None,
+        key("number of significant bits of a BNR word, which needs it; none: another kind of word", "bit", 16),
+    ] = None
+    resolution: Annotated[
+        Positive | None,
+        key("value of the last digit of a BCD word, which needs it; none: another kind of word", "unit", instead=0.1),
+    ] = None
+    sign: Annotated[Literal[1, -1], key("-1: this equipment uses the opposite sign", ONE)] = 1
+    fine_label: Annotated[
+        Octal | None, key("label with further bits below those of this label; none: there is none", NO_UNIT, "120")
+    ] = None
+    fine_bits: Annotated[int, Field(ge=1, le=18), key("number of the bits of fine_label", "bit")] = 11
+    steps: Annotated[
+        Literal["freeflight_ra4500"] | None,
+        key("instrument whose step at the value gives the sigma; none: no sigma", NO_UNIT, "freeflight_ra4500"),
+    ] = None
+    name: Annotated[Name | Literal[""], key("name of a discrete word, which needs it", NO_UNIT)] = ""
+    flags: Annotated[dict[Name, Bit], key("conditions of a discrete word, each with its bit", NO_UNIT)] = Field(
+        default_factory=dict
+    )
+    not_ok: Annotated[tuple[str, ...], key("names of flags that make the equipment not ok", NO_UNIT)] = ()
+    fields: Annotated[
+        dict[Name, Annotated[tuple[Bit, ...], Field(min_length=2, max_length=3)]],
+        key(
+            "small numbers of a discrete word, each a reading with its lowest and highest bit, and a third bit where "
+            "the "
+            "most significant one is separate",
+            NO_UNIT,
+        ),
+    ] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -107,11 +123,25 @@ class Label(StrictModel):
 
 
 class LabelSet(StrictModel):
-    """The labels of one equipment.  equipment : hexadecimal identifier; source : origin of the table."""
+    """``[NAME]``: the labels of one equipment; ``set = "NAME"`` selects them."""
 
-    equipment: Annotated[str, Field(pattern=r"^[0-9A-F]{3}$")] | None = None
-    source: str = ""
-    labels: tuple[Label, ...]
+    equipment: Annotated[
+        Annotated[str, Field(pattern=r"^[0-9A-F]{3}$")] | None,
+        key(
+            "identifier of the equipment in label 377; another one gives a status that is not ok; none: any",
+            NO_UNIT,
+            "007",
+        ),
+    ] = None
+    source: Annotated[str, key("document from which the labels are", NO_UNIT)] = ""
+    labels: Annotated[
+        tuple[Label, ...],
+        key(
+            "[[NAME.labels]]: the labels",
+            NO_UNIT,
+            [{"label": "164", "quantity": "radio_height", "unit": "ft", "range": 8192.0, "bits": 16}],
+        ),
+    ]
 
 
 def read_sets(text: str, file: str) -> dict[str, LabelSet]:

@@ -36,6 +36,7 @@ from typing import Annotated
 from pydantic import Field
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.drivers import Command
 from fti.drivers._no_commands import on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers.canaerospace.decoder import Decoder
@@ -60,16 +61,21 @@ COMMANDS = {
 
 
 class Options(StrictModel):
-    """``dbc_file`` names a DBC (``dbc`` is its text, filled in from the file); empty is the built-in one.
+    """Options of the nodes of a CANaerospace bus."""
 
-    ``node``: only frames of this node number (byte 0); the emulator uses it, otherwise 1.
-    ``silent_after``: periods without a message until a node is reported as silent.
-    """
-
-    dbc_file: str | None = None
-    dbc: str = ""
-    node: Annotated[int, Field(ge=0, le=255)] | None = None
-    silent_after: Annotated[float, Field(ge=2, le=1000)] = 5.0
+    dbc_file: Annotated[
+        str | None, key("file of a DBC with the parameters; none: the text in dbc", NO_UNIT, "dbc/air_data_unit.dbc")
+    ] = None
+    dbc: Annotated[str, key("text of the DBC, filled in from dbc_file; empty: the built-in one", NO_UNIT)] = ""
+    node: Annotated[
+        Annotated[int, Field(ge=0, le=255)] | None,
+        key(
+            "only frames of this node number (byte 0); none: every node, and the emulated device is node 1", NO_UNIT, 7
+        ),
+    ] = None
+    silent_after: Annotated[
+        float, Field(ge=2, le=1000), key("message periods without a message until a node is reported as silent", ONE)
+    ] = 5.0
 
 
 def make_decoder(options: Options) -> Decoder:

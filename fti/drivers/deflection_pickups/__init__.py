@@ -32,6 +32,7 @@ from typing import Annotated
 from pydantic import Field
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.drivers import Command
 from fti.drivers._arguments import check_complete, number_or_nan
 from fti.drivers.deflection_pickups import service as wire
@@ -71,18 +72,26 @@ Request = Callable[[PickupBus, Pickup, Mapping[str, str]], Service]
 
 
 class Options(StrictModel):
-    """``dbc_file`` names a DBC, ``calibration_file`` the tables (``dbc``, ``calibration``: their texts).
+    """Options of the pickups of one bus."""
 
-    ``nodes``: micro-controllers on this bus, as named in the DBC; empty: all of the DBC.
-    ``silent_after``: periods without a message until a node is reported as silent.
-    """
-
-    dbc_file: str | None = None
-    dbc: str = ""
-    calibration_file: str | None = None
-    calibration: str = ""
-    nodes: tuple[str, ...] = ()
-    silent_after: Annotated[float, Field(ge=2, le=1000)] = 5.0
+    dbc_file: Annotated[
+        str | None, key("file of a DBC that describes the messages; none: the text in dbc", NO_UNIT, "pickups.dbc")
+    ] = None
+    dbc: Annotated[str, key("text of the DBC, filled in from dbc_file; empty: the built-in one", NO_UNIT)] = ""
+    calibration_file: Annotated[
+        str | None,
+        key("file of calibration tables (CSV); none: the text in calibration", NO_UNIT, "calibrations/pickups.csv"),
+    ] = None
+    calibration: Annotated[
+        str,
+        key("text of the calibration tables, filled in from calibration_file; empty: those of the nodes", NO_UNIT),
+    ] = ""
+    nodes: Annotated[
+        tuple[str, ...], key("micro-controllers on this bus, as named in the DBC; empty: all of the DBC", NO_UNIT)
+    ] = ()
+    silent_after: Annotated[
+        float, Field(ge=2, le=1000), key("message periods without a message until a node is reported as silent", ONE)
+    ] = 5.0
 
 
 def make_decoder(options: Options) -> Decoder:

@@ -20,6 +20,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Positive, StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.drivers import Command
 from fti.drivers._arguments import check_names
 
@@ -82,17 +83,27 @@ CHOICES: dict[str, tuple[str, dict[str, str]]] = {
 
 
 class Options(StrictModel):
-    """``id``: the device, 99 all; ``mode``, ``format``, ``rate``, ``poll_s``: settings and polling.
+    """Options of a magnetometer."""
 
-    ``enable``: send a write enable "together" with each command, or "apart" (two wires).
-    """
-
-    id: Annotated[int, Field(ge=0, le=BROADCAST_ID)] = 0
-    mode: Literal["polled", "continuous"] = "polled"
-    format: Literal["binary", "ascii"] = "binary"
-    rate: Literal[10, 20, 25, 30, 40, 50, 60, 100, 123, 154] = 20
-    poll_s: Positive = 0.05
-    enable: Literal["together", "apart"] = "together"
+    id: Annotated[int, Field(ge=0, le=BROADCAST_ID), key("number of the device; 99: every device", NO_UNIT)] = 0
+    mode: Annotated[
+        Literal["polled", "continuous"],
+        key("polled: a sample is requested every poll_s; continuous: the device sends at rate", NO_UNIT),
+    ] = "polled"
+    format: Annotated[Literal["binary", "ascii"], key("format of the samples, set after every connect", NO_UNIT)] = (
+        "binary"
+    )
+    rate: Annotated[
+        Literal[10, 20, 25, 30, 40, 50, 60, 100, 123, 154],
+        key(
+            "in continuous mode: rate of the samples; above 30 (ascii) or 100 (binary) the line needs 19200 bit/s", "Hz"
+        ),
+    ] = 20
+    poll_s: Annotated[Positive, key("in polled mode: period of the requests", "s")] = 0.05
+    enable: Annotated[
+        Literal["together", "apart"],
+        key("write enable: sent together with each command, or apart, as two-wire lines need", NO_UNIT),
+    ] = "together"
 
 
 def line(device: int, letters: str) -> bytes:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.drivers.imar_ixcom.data_selection import DEFAULT_SELECTION
 
 NAMES = {
@@ -46,22 +47,42 @@ Divider = Annotated[int, Field(ge=0, le=0xFFFF)]
 
 
 class Options(StrictModel):
-    """All are optional.
+    """Options of an inertial navigation system."""
 
-    data_selection    : used if INSSOL has a data-selection word of 0
-    magnetometer_unit : of the field in MAGDATA; nT according to the document; the maker's ROS driver uses mG
-    only              : messages that become measurements; empty: all.  It allows two devices on a link, the INS and its
-                        GNSS receiver; the emulated device with this option sends nothing
-    logs              : {message: divider of the navigation rate, 0: at every change}: requested after a connect, and
-                        sent by the emulated device
-    ask               : open the channel and request the logs after every connect; otherwise nothing is sent, and the
-                        device sends its configured messages
-    channel           : the logical channel to open
-    """
-
-    data_selection: Annotated[int, Field(ge=0, le=0xFFFF)] = DEFAULT_SELECTION
-    magnetometer_unit: Literal["nT", "uT", "mG", "G"] = "nT"
-    only: tuple[MessageName, ...] = ()
-    logs: dict[MessageName, Divider] = Field(default_factory=lambda: {"INSSOL": 1})
-    ask: bool = False
-    channel: Annotated[int, Field(ge=0, lt=CHANNELS)] = 0
+    data_selection: Annotated[
+        int,
+        Field(ge=0, le=0xFFFF),
+        key("contents of INSSOL, bit by bit; used where the message states 0", NO_UNIT),
+    ] = DEFAULT_SELECTION
+    magnetometer_unit: Annotated[
+        Literal["nT", "uT", "mG", "G"],
+        key("unit of the field in MAGDATA: nT by the document; the maker's ROS driver uses mG", NO_UNIT),
+    ] = "nT"
+    only: Annotated[
+        tuple[MessageName, ...],
+        key(
+            "messages that become measurements; empty: all; it allows two devices on a link, the system and its "
+            "receiver; "
+            "the emulated device with this option sends nothing",
+            NO_UNIT,
+            ["GNSSSOL"],
+        ),
+    ] = ()
+    logs: Annotated[
+        dict[MessageName, Divider],
+        key(
+            "messages that ask requests, and that the emulated device sends, each with its divider of the navigation "
+            "rate; 0: at every change",
+            ONE,
+        ),
+    ] = Field(default_factory=lambda: {"INSSOL": 1})
+    ask: Annotated[
+        bool,
+        key(
+            "true: open the channel and request logs after every connect; false: the device sends what it is "
+            "configured "
+            "to send",
+            NO_UNIT,
+        ),
+    ] = False
+    channel: Annotated[int, Field(ge=0, lt=CHANNELS), key("logical channel to open", NO_UNIT)] = 0

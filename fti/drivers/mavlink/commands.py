@@ -13,6 +13,8 @@ from pydantic import AfterValidator, Field
 from pymavlink.dialects.v20 import common
 
 from fti.config import Positive, StrictModel
+from fti.config.keys import NO_UNIT
+from fti.config.keys import key as table_key  # an option has the name key
 from fti.drivers import Command
 from fti.drivers._arguments import check_complete, number_or_nan
 from fti.drivers.mavlink.wire import dialect_map
@@ -36,27 +38,63 @@ def _check_name(name: str) -> str:
 
 
 class Options(StrictModel):
-    """``system``, ``component``: decode only these; required for several vehicles on a link.
+    """Options of an autopilot."""
 
-    ``height``, ``raw_imu``, ``key`` (64 hexadecimal digits), ``emulate``: see the driver's docstring.  ``dialect``:
-    other messages are rejected.  ``only``: messages that become measurements; empty: all.  ``distance_id``: use only
-    this distance sensor.  ``named_values``: names of NAMED_VALUE_FLOAT that become readings, in the unit of the sender.
-    ``heartbeat_s``: period of our heartbeat; ``own_system``, ``own_component``: sender of our heartbeat and commands.
-    """
-
-    system: Annotated[int, Field(ge=1, le=255)] | None = None
-    component: Annotated[int, Field(ge=1, le=255)] | None = None
-    height: Literal["msl", "ellipsoid"] = "msl"
-    raw_imu: Literal["counts", "scaled"] = "counts"
-    only: tuple[Annotated[str, AfterValidator(_check_name)], ...] = ()
-    distance_id: Annotated[int, Field(ge=0, le=255)] | None = None
-    named_values: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,10}$")], ...] = ()
-    dialect: Literal["common", "ardupilotmega"] = "common"
-    key: Annotated[str, Field(pattern=r"^\s*[0-9a-fA-F]{64}\s*$")] | None = None
-    heartbeat_s: Positive | None = None
-    own_system: Annotated[int, Field(ge=1, le=255)] = 255
-    own_component: Annotated[int, Field(ge=1, le=255)] = 190
-    emulate: Literal["autopilot", "simulator"] = "autopilot"
+    system: Annotated[
+        Annotated[int, Field(ge=1, le=255)] | None,
+        table_key("decode only this system; required for several vehicles on a link; none: every system", NO_UNIT, 1),
+    ] = None
+    component: Annotated[
+        Annotated[int, Field(ge=1, le=255)] | None,
+        table_key("decode only this component; none: every component", NO_UNIT, 1),
+    ] = None
+    height: Annotated[
+        Literal["msl", "ellipsoid"],
+        table_key("datum of the altitude in GLOBAL_POSITION_INT; msl by the standard", NO_UNIT),
+    ] = "msl"
+    raw_imu: Annotated[
+        Literal["counts", "scaled"],
+        table_key("numbers in RAW_IMU; counts: without a unit; scaled: mG, mrad/s and mgauss", NO_UNIT),
+    ] = "counts"
+    only: Annotated[
+        tuple[Annotated[str, AfterValidator(_check_name)], ...],
+        table_key("messages that become measurements; empty: all", NO_UNIT, ["GPS_RAW_INT"]),
+    ] = ()
+    distance_id: Annotated[
+        Annotated[int, Field(ge=0, le=255)] | None,
+        table_key("use only the distance sensor with this id; none: of those that look down the lowest id", NO_UNIT, 1),
+    ] = None
+    named_values: Annotated[
+        tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,10}$")], ...],
+        table_key("names of NAMED_VALUE_FLOAT that become readings, in the unit of the sender", NO_UNIT, ["dh"]),
+    ] = ()
+    dialect: Annotated[
+        Literal["common", "ardupilotmega"], table_key("message definitions; other messages are rejected", NO_UNIT)
+    ] = "common"
+    key_file: Annotated[
+        str | None, table_key("file of the key of the signatures; none: the key in key", NO_UNIT, "mavlink.key")
+    ] = None
+    key: Annotated[
+        Annotated[str, Field(pattern=r"^\s*[0-9a-fA-F]{64}\s*$")] | None,
+        table_key(
+            "key of the signatures, or filled in from key_file; none: signatures are not checked", NO_UNIT, "00" * 32
+        ),
+    ] = None
+    heartbeat_s: Annotated[
+        Positive | None, table_key("period of the heartbeat of a ground station; none: no heartbeat is sent", "s", 1.0)
+    ] = None
+    own_system: Annotated[
+        int, Field(ge=1, le=255), table_key("system number of the sender of heartbeats and commands", NO_UNIT)
+    ] = 255
+    own_component: Annotated[
+        int, Field(ge=1, le=255), table_key("component number of the sender of heartbeats and commands", NO_UNIT)
+    ] = 190
+    emulate: Annotated[
+        Literal["autopilot", "simulator"],
+        table_key(
+            "messages of the emulated device: of an autopilot, or of a simulator for one (HIL_SENSOR, HIL_GPS)", NO_UNIT
+        ),
+    ] = "autopilot"
 
 
 def _pack(message: Any, options: Options) -> bytes:

@@ -34,6 +34,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, key
 from fti.drivers._framing import FramedDecoder
 from fti.drivers.novatel_oem6 import commands
 from fti.drivers.novatel_oem6.clock import stamp_of
@@ -94,12 +95,19 @@ def _checked_logs(logs: dict[str, float]) -> dict[str, float]:
 
 
 class Options(StrictModel):
-    """``logs``: requested {message: period [s]}, 0: at every change; ``ask_again_s``: period of the requests, 0: only
-    after a connect; ``unasked`` (emulator): the receiver sends everything without requests."""
+    """Options of a NovAtel receiver."""
 
-    logs: Annotated[dict[str, float], AfterValidator(_checked_logs)] = AIRCRAFT_LOGS
-    ask_again_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 10.0
-    unasked: bool = False
+    logs: Annotated[
+        dict[str, float],
+        AfterValidator(_checked_logs),
+        key("requested messages, each with its period; 0: at every change", "s"),
+    ] = AIRCRAFT_LOGS
+    ask_again_s: Annotated[
+        float,
+        Field(ge=0.0, le=3600.0),
+        key("period of repeated requests, for a receiver that was restarted; 0: only after a connect", "s"),
+    ] = 10.0
+    unasked: Annotated[bool, key("of the emulated receiver: it sends all messages without requests", NO_UNIT)] = False
 
 
 class Decoder(FramedDecoder):

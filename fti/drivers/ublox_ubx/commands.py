@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.drivers import Command
 from fti.drivers._arguments import check_names
 from fti.drivers.ublox_ubx.frames import frame
@@ -55,20 +56,35 @@ def _check_messages(messages: Mapping[str, int]) -> Mapping[str, int]:
 
 
 class Options(StrictModel):
-    """Configuration of the receiver.
+    """Options of a u-blox receiver."""
 
-    messages : {name: every n-th solution}, requested after every connect, with the version; empty: no requests
-    period_ms : between measurements, set after every connect; None: unchanged
-    ask_again_s : period of repeated requests, for a receiver that was restarted; 0: never.  Each time it acknowledges
-        every message
-    configure_with : cfg_msg up to u-blox 9, cfg_valset from u-blox 9 on; port : of the receiver, for cfg_valset
-    """
-
-    messages: Annotated[dict[str, int], AfterValidator(_check_messages)] = Field(default={})
-    period_ms: Annotated[int, Field(ge=25, le=65535)] | None = None
-    ask_again_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
-    configure_with: Literal["cfg_msg", "cfg_valset"] = "cfg_msg"
-    port: Literal["i2c", "uart1", "uart2", "usb", "spi"] = "uart1"
+    messages: Annotated[
+        dict[str, int],
+        AfterValidator(_check_messages),
+        key(
+            "messages that are requested after every connect, with the version: each every n-th solution, 0 to 255, 0: "
+            "off; empty: no requests",
+            ONE,
+            {"NAV-PVT": 1, "NAV-SAT": 5},
+        ),
+    ] = Field(default={})
+    period_ms: Annotated[
+        Annotated[int, Field(ge=25, le=65535)] | None,
+        key("period of the measurements, set after every connect; none: unchanged", "ms", 200),
+    ] = None
+    ask_again_s: Annotated[
+        float,
+        Field(ge=0.0, le=3600.0),
+        key("period of repeated requests, for a receiver that was restarted; 0: only after a connect", "s"),
+    ] = 0.0
+    configure_with: Annotated[
+        Literal["cfg_msg", "cfg_valset"],
+        key("requests of the receiver: cfg_msg up to u-blox 9, cfg_valset from u-blox 9 on", NO_UNIT),
+    ] = "cfg_msg"
+    port: Annotated[
+        Literal["i2c", "uart1", "uart2", "usb", "spi"],
+        key("with cfg_valset: port of the receiver to which the link is connected", NO_UNIT),
+    ] = "uart1"
 
 
 def on_connect(options: Options) -> list[bytes]:

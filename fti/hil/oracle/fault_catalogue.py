@@ -7,13 +7,13 @@ the flags that the score expects.
 from __future__ import annotations
 
 import inspect
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, get_args
 
 from fti.config import StrictModel
+from fti.config.keys import Key, keys_of, toml_value
 from fti.hil.faults.applicability import drivers_of
 from fti.hil.oracle.flags_of_kinds import FLAGS, NO_FLAG, KindFlag
 from fti.hil.tables import fault_types
@@ -57,17 +57,6 @@ OTHER_DEVICES: Mapping[fault_types.FaultKind, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
-    """A key of a [[fault]] table.  default : as TOML; "" for a required key, "none" if the key may be absent"""
-
-    name: str
-    unit: str
-    default: str
-    limits: str
-    description: str
-
-
-@dataclass(frozen=True, slots=True)
 class FaultDescription:
     """A kind of fault.
 
@@ -104,66 +93,24 @@ def fault_kinds() -> Mapping[str, FaultDescription]:
 
 
 def _kind(kind: fault_types.FaultKind, model: type[StrictModel]) -> FaultDescription:
-    schema = model.model_json_schema()
-    table = {name: entry for name, entry in schema["properties"].items() if name != "kind"}
-    ordered = sorted(table, key=SHARED_KEYS.__contains__)  # its own keys first
+    ordered = sorted(keys_of(model), key=lambda key: key.name in SHARED_KEYS)  # its own keys first
     return FaultDescription(
         kind.value,
         inspect.getdoc(model) or "",
         next(text for classes, text in SUBJECTS if issubclass(model, classes)),
         drivers_of(model),
-        tuple(_key(name, table[name], name in schema["required"]) for name in ordered),
+        tuple(ordered),
         FLAGS[kind],
         NO_FLAG.get(kind, "") if FLAGS[kind] else "the daemon does not detect it",
-        "\n".join(_example(kind, table, ordered)),
+        "\n".join(_example(kind, ordered)),
     )
 
 
-def _example(kind: fault_types.FaultKind, table: Mapping[str, Any], ordered: list[str]) -> Iterator[str]:
+def _example(kind: fault_types.FaultKind, keys: Iterable[Key]) -> Iterator[str]:
     yield "[[fault]]"
     yield f'kind = "{kind}"'
-    values = {name: table[name]["examples"][0] for name in ordered if "examples" in table[name]}
-    if kind in OTHER_DEVICES:
-        values["devices"] = [OTHER_DEVICES[kind]]
-    for name, value in values.items():
-        yield f"{name} = {json.dumps(value)}"
-
-
-# ------------------------------------------------------------------------------------------------------------- keys
-
-
-def _key(name: str, schema: Mapping[str, Any], required: bool) -> Key:
-    default = schema.get("default")
-    text = "" if required else "none" if default is None else json.dumps(default)
-    return Key(name, schema["unit"], text, allowed_values(schema), schema["description"])
-
-
-def allowed_values(schema: Mapping[str, Any]) -> str:
-    """The allowed values of a key in words, from its JSON schema."""
-    if "anyOf" in schema:
-        return " or ".join(allowed_values(part) for part in schema["anyOf"] if part.get("type") != "null")
-    if schema.get("type") == "boolean":
-        return "true or false"
-    if "enum" in schema:
-        return f"one of {', '.join(schema['enum'])}"
-    if schema["type"] == "array":
-        return _list_limits(schema)
-    if schema["type"] == "string":
-        return "name (lower-case letters, digits, _)" if "pattern" in schema else "text"
-    return _number_limits(schema)
-
-
-def _list_limits(schema: Mapping[str, Any]) -> str:
-    if "prefixItems" in schema:
-        return f"{len(schema['prefixItems'])} numbers, each {allowed_values(schema['prefixItems'][0])}"
-    return f"list{', not empty' if schema.get('minItems') else ''}, each {allowed_values(schema['items'])}"
-
-
-def _number_limits(schema: Mapping[str, Any]) -> str:
-    noun = "whole number" if schema["type"] == "integer" else "number"
-    bounds = [
-        f"{sign} {schema[name]:g}" if noun == "number" else f"{sign} {schema[name]}"
-        for name, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
-        if name in schema
-    ]
-    return " ".join((noun, ", ".join(bounds))).strip()
+    for key in keys:
+        if key.name == "devices" and kind in OTHER_DEVICES:
+            yield f"devices = {toml_value([OTHER_DEVICES[kind]])}"
+        elif key.example:
+            yield f"{key.name} = {key.example}"

@@ -9,7 +9,8 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from fti.hil.oracle.fault_catalogue import SHARED_KEYS, FaultDescription, Key, fault_kinds
+from fti.config.keys import Key
+from fti.hil.oracle.fault_catalogue import SHARED_KEYS, FaultDescription, fault_kinds
 from fti.hil.oracle.flags_of_kinds import KindFlag
 from fti.hil.tables.quantity_names import quantities
 

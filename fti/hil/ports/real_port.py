@@ -11,8 +11,10 @@ import contextlib
 import fcntl
 import struct
 import termios
+from typing import Annotated
 
 from fti.config import CanLink, Link, SerialLink, StrictModel, UdpLink
+from fti.config.keys import NO_UNIT, key
 from fti.config.tables import Endpoint as Address
 from fti.errors import ConfigError, LinkError, MissingError
 from fti.hil.ports.serial_base import Notifier, Responder, SerialEndpoint
@@ -22,15 +24,23 @@ POLL_S = 0.02
 
 
 class RealPort(StrictModel):
-    """``[port.LINK]``: the real port of a link.
+    """``[port.NAME]``: the real port of the link NAME, for external equipment.
 
-    device    : of a serial link: the emulator's end of the cable; of a CAN link: the channel of its adapter
-    interface : of a CAN link: any python-can interface; to : of a UDP link: the receiver's address:port
+    A serial link needs device, a CAN link device and interface, a UDP link to; no other key is allowed.
     """
 
-    device: str | None = None
-    interface: str | None = None
-    to: Address | None = None
+    device: Annotated[
+        str | None,
+        key(
+            "of a serial link: device file of the emulator's end of the cable; of a CAN link: channel of its adapter",
+            NO_UNIT,
+            "/dev/ttyUSB3",
+        ),
+    ] = None
+    interface: Annotated[str | None, key("of a CAN link: interface of python-can", NO_UNIT, instead="socketcan")] = None
+    to: Annotated[
+        Address | None, key("of a UDP link: address and port of the receiver", NO_UNIT, instead="192.168.10.1:4000")
+    ] = None
 
     def check(self, link: Link, where: str) -> None:
         """Raises ConfigError unless it has exactly the keys for this kind of link."""

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from fti.arrays import Array
+from fti.config.keys import ONE, key
 from fti.devices import BoundDevice
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, pressure_altitude
 from fti.hil.environment import HEAT_RATIO, Environment, calibrated_airspeed, impact_pressure
@@ -44,17 +45,19 @@ STANDARD_PA = ISA_PRESSURE
 
 
 class AirSettings(DeviceSettings):
-    """Settings of an air-data computer.
+    """Air-data computers."""
 
-    static_error             : C_p, share of the impact pressure at the static port
-    static_lag_s, pitot_lag_s : time constants of the tubes
-    altimeter_hpa            : altimeter setting of the crew; None: the QNH of the scenario
-    """
-
-    static_error: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.01
-    static_lag_s: Lag = 0.1
-    pitot_lag_s: Lag = 0.05
-    altimeter_hpa: Annotated[float, Field(ge=870, le=1085)] | None = None
+    static_error: Annotated[
+        float,
+        Field(ge=-0.2, le=0.2),
+        key("position error of the static port: share of the impact pressure that it adds", ONE),
+    ] = 0.01
+    static_lag_s: Annotated[Lag, key("time constant of the static tubes", "s")] = 0.1
+    pitot_lag_s: Annotated[Lag, key("time constant of the pitot tubes", "s")] = 0.05
+    altimeter_hpa: Annotated[
+        Annotated[float, Field(ge=870, le=1085)] | None,
+        key("altimeter setting of the crew; none: the QNH of the scenario", "hPa", 1013.25),
+    ] = None
 
 
 class AirData:

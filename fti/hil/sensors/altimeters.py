@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from fti.arrays import Array
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.devices import BoundDevice
 from fti.hil.environment import Environment
 from fti.hil.sensors.errors import white_noise
@@ -20,21 +21,35 @@ from fti.ranging.radar.edge import edge_at
 
 
 class RadarSettings(DeviceSettings):
-    """Settings of a radar altimeter.
+    """Radar altimeters.
 
-    model : "nearest": nearest point in the beam, as in approach references; or "fmcw": antenna, radar equation and
-            spectrum, which ignores weak returns: over the ridges and woods of the demonstration it reads 1.2 m more on
-            average, and 7 m more in one sample of twenty
-    beam_deg      : true full beam width; None: the width in the configuration
-    threshold_db  : leading-edge threshold relative to the peak, for "fmcw"; None: a quarter of the peak power
-    bias_m, scale : output = scale x range + bias_m
+    A leading-edge receiver ignores weak returns: over the ridges and woods of the demonstration "fmcw" reads 1.2 m more
+    than "nearest" on average, and 7 m more in one sample of twenty.
     """
 
-    model: Literal["nearest", "fmcw"] = "nearest"
-    beam_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
-    threshold_db: Annotated[float, Field(ge=-26, le=-2)] | None = None
-    bias_m: Annotated[float, Field(ge=-1000, le=1000)] = 0.0
-    scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
+    model: Annotated[
+        Literal["nearest", "fmcw"],
+        key(
+            "receiver; nearest: nearest point in the beam, as in approach references; fmcw: antenna, radar equation "
+            "and "
+            "spectrum",
+            NO_UNIT,
+        ),
+    ] = "nearest"
+    beam_deg: Annotated[
+        Annotated[float, Field(gt=0, lt=180)] | None,
+        key("true full width of the beam; none: that of the configuration", "deg", 30.0),
+    ] = None
+    threshold_db: Annotated[
+        Annotated[float, Field(ge=-26, le=-2)] | None,
+        key(
+            "of the model fmcw: leading-edge threshold relative to the peak; none: a quarter of the peak power",
+            "dB",
+            -8.0,
+        ),
+    ] = None
+    bias_m: Annotated[float, Field(ge=-1000, le=1000), key("the altimeter states scale x range + bias_m", "m")] = 0.0
+    scale: Annotated[float, Field(ge=0.5, le=2), key("scale factor of the stated range, see bias_m", ONE)] = 1.0
 
 
 class RadarAltimeterModel:

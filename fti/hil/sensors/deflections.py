@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from fti.arrays import Array
+from fti.config.keys import ONE, key
 from fti.devices import BoundDevice
 from fti.drivers.deflection_pickups.table import MAX_RAW, CalibrationTable, factory_tables, read_tables
 from fti.hil.environment import Environment
@@ -123,16 +124,19 @@ def _to_integers(counts: Array) -> NDArray[np.int64]:
 
 
 class PickupSettings(DeviceSettings):
-    """Settings of the pickups of one bus.
+    """Deflection pickups."""
 
-    slack_deg         : of the rod, from end to end, at the surface
-    hysteresis_counts : of the pickup, from end to end
-    table_error       : one sigma of offset, gain and bend, against half the travel of the table
-    """
-
-    slack_deg: Annotated[float, Field(ge=0, le=10)] = 0.05
-    hysteresis_counts: Annotated[float, Field(ge=0, le=200)] = 2.0
-    table_error: Annotated[float, Field(ge=0, le=0.2)] = 0.002
+    slack_deg: Annotated[float, Field(ge=0, le=10), key("slack of the rod, from end to end, at the surface", "deg")] = (
+        0.05
+    )
+    hysteresis_counts: Annotated[
+        float, Field(ge=0, le=200), key("hysteresis of the pickup, from end to end", "count")
+    ] = 2.0
+    table_error: Annotated[
+        float,
+        Field(ge=0, le=0.2),
+        key("1-sigma of the errors of offset, gain and bend of the table, over half of its travel", ONE),
+    ] = 0.002
 
 
 class DeflectionPickups:

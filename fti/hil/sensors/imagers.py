@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field as Limited
 
 from fti.arrays import Array
+from fti.config.keys import key
 from fti.devices import BoundDevice
 from fti.errors import ConfigError
 from fti.formats.quantities import UNITS
@@ -35,14 +36,13 @@ Metres = Annotated[float, Limited(gt=0, le=2000)]
 
 
 class ImagerSettings(DeviceSettings):
-    """Settings of an imager or a scanner.
+    """Range imagers and scanners."""
 
-    field_of_view_deg : along and across the aircraft; the line of a scanner has the second
-    reach_m           : maximum range
-    """
-
-    field_of_view_deg: tuple[Angle, Angle] = (20.0, 20.0)
-    reach_m: Metres = 300.0
+    field_of_view_deg: Annotated[
+        tuple[Angle, Angle],
+        key("field of view along and across the aircraft; the line of a scanner has the second one", "deg"),
+    ] = (20.0, 20.0)
+    reach_m: Annotated[Metres, key("maximum range", "m")] = 300.0
 
 
 def pixel_indices(names: Sequence[str]) -> dict[str, tuple[int, int]]:

@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal
+from typing import Annotated, Literal
 
+from fti.config.keys import NO_UNIT, key
 from fti.constants import FOOT, STANDARD_GRAVITY
 from fti.hil.sensors.imu import Grade, TriadSpec
 from fti.hil.sensors.sensor_settings import DeviceSettings
@@ -116,9 +117,9 @@ GRADES: dict[GradeName, Grade] = {
 
 
 class ImuSettings(DeviceSettings):
-    """Settings of a unit with the inertial sensors of an autopilot or a heading reference."""
+    """Inertial sensors of an autopilot or a heading reference."""
 
-    grade: GradeName = "mems"
+    grade: Annotated[GradeName, key("grade of the inertial sensors", NO_UNIT)] = "mems"
 
 
 def calibrate_gyros(grade: Grade) -> Grade:

@@ -12,11 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from fti.arrays import Array, Mask
+from fti.config.keys import NO_UNIT, key
 from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.formulas import SEMI_MAJOR
 from fti.geodesy.rotations import mat_from_rpy
@@ -45,14 +46,14 @@ MIN_SAMPLES = 6
 
 
 class InertialSettings(AirSettings):
-    """Settings of an inertial navigation system: grade of its unit, and aiding by satellites.
+    """Inertial navigation systems."""
 
-    mode : aided : except in outages of its receiver; free : not aided from ``free_from_s`` on
-    """
-
-    grade: GradeName = "navigation"
-    mode: Literal["aided", "free"] = "aided"
-    free_from_s: NotNegative = 0.0
+    grade: Annotated[GradeName, key("grade of the inertial unit", NO_UNIT)] = "navigation"
+    mode: Annotated[
+        Literal["aided", "free"],
+        key("aided: by satellites, except in outages of its receiver; free: not aided from free_from_s on", NO_UNIT),
+    ] = "aided"
+    free_from_s: Annotated[NotNegative, key("in free mode: time of the flight at which aiding ends", "s")] = 0.0
 
 
 def drift_sigmas(grade: GradeName) -> DriftSigmas:

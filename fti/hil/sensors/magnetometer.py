@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from fti.arrays import Array
+from fti.config.keys import ONE, key
 from fti.devices import BoundDevice
 from fti.geodesy.magnetic import magnetic_field_n
 from fti.geodesy.rotations import mat_from_rpy
@@ -49,14 +50,18 @@ def declination(state: FlightState) -> Array:
 
 
 class MagnetometerSettings(DeviceSettings):
-    """One sigma of the errors that are constant in a flight.
+    """Magnetometers.
 
-    hard_iron_ut : of each axis [uT];  soft_iron : of each element of the matrix;  misalignment_deg : of each angle
+    Each error is constant in a flight.
     """
 
-    hard_iron_ut: NotNegative = 1.0
-    soft_iron: Annotated[float, Field(ge=0, le=0.3)] = 0.005
-    misalignment_deg: Annotated[float, Field(ge=0, le=30)] = 0.3
+    hard_iron_ut: Annotated[NotNegative, key("1-sigma of the hard-iron error of each axis", "uT")] = 1.0
+    soft_iron: Annotated[float, Field(ge=0, le=0.3), key("1-sigma of each element of the soft-iron matrix", ONE)] = (
+        0.005
+    )
+    misalignment_deg: Annotated[
+        float, Field(ge=0, le=30), key("1-sigma of each angle of the misalignment of the axes", "deg")
+    ] = 0.3
 
 
 class Magnetometer:

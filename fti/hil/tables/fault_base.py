@@ -1,33 +1,20 @@
-"""Common base of the fault tables: subjects, interval, and description and unit of a key."""
+"""Common base of the fault tables: subjects and interval."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from fti.config import Name, StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.hil.tables.quantity_names import parse
 
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(gt=0, le=1)]
 
-#: The unit of a key that is a name, a text or a list of them.
-NO_UNIT = "-"
-#: The unit of a ratio, a probability or a count.
-ONE = "1"
 #: The unit of a number that is added to a quantity: the quantity's own, SI and radians.
 UNIT_OF_QUANTITY = "of the quantity"
-
-
-def key(description: str, unit: str, example: Any = None) -> Any:
-    """Meaning and unit of a key; both are printed for users.
-
-    example : a value for the example of the kind; None: the example leaves the key out
-    """
-    return Field(
-        description=description, json_schema_extra={"unit": unit}, examples=None if example is None else [example]
-    )
 
 
 class EffectiveFault(StrictModel):

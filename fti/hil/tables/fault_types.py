@@ -13,9 +13,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Positive, StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.hil.tables.fault_base import (
-    NO_UNIT,
-    ONE,
     UNIT_OF_QUANTITY,
     DeviceFault,
     EffectiveFault,
@@ -26,7 +25,6 @@ from fti.hil.tables.fault_base import (
     QuantityFault,
     Share,
     ToS,
-    key,
 )
 
 ShiftM = Annotated[float, Field(ge=-1000, le=1000)]

@@ -1,19 +1,4 @@
-"""``[flight] kind = "jsbsim"`` of a scenario.
-
-[flight]
-kind = "jsbsim"
-aircraft = "c310"              # a light twin of 2 t
-route = "approach"             # "pattern", "go_around", "low_level"
-speed_mps = 55                 # calibrated airspeed: 48 to 65; low_level: 48 to 80
-turbulence = "light"           # "none", "moderate", "severe": MIL-F-8785C; wind is that of [air]
-
-start_m = 4500                 # approach, go_around: distance before the threshold at t = 0
-go_around_m = 60               # go_around, pattern: climb at this height above the threshold
-side = "left"                  # pattern: side of the circuit, seen in the direction of landing
-pattern_m = 300                # pattern: height above the threshold on the downwind leg
-clearance_m = 150              # low_level: above the highest ground within 80 m of the track
-via_m = [[6500, -2500], ...]   # low_level: corners, [before the threshold, right of the track]
-"""
+"""``[flight] kind = "jsbsim"`` of a scenario."""
 
 from __future__ import annotations
 
@@ -22,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from fti.config import StrictModel
+from fti.config.keys import NO_UNIT, key
 
 #: Keys that only some routes have.
 KEY_ROUTES = {
@@ -39,25 +25,57 @@ RoutePoint = tuple[Annotated[float, Field(ge=-14000, le=8000)], Annotated[float,
 
 
 class JsbsimFlight(StrictModel):
-    """A flight of JSBSim with our autopilot; the route determines its duration."""
+    """A flight of the flight dynamics of JSBSim with an autopilot; the route determines the duration."""
 
     kind: Literal["jsbsim"]
-    aircraft: Literal["c310"] = "c310"
-    route: Literal["approach", "pattern", "go_around", "low_level"]
-    speed_mps: Annotated[float, Field(ge=48, le=80)] = 55.0
-    turbulence: Literal["none", "light", "moderate", "severe"] = "none"
-    start_m: Annotated[float, Field(ge=1500, le=7000)] = 4500.0
-    go_around_m: Annotated[float, Field(ge=20, le=150)] = 60.0
-    side: Literal["left", "right"] = "left"
-    pattern_m: Annotated[float, Field(ge=200, le=500)] = 300.0
-    clearance_m: Annotated[float, Field(ge=60, le=600)] = 150.0
-    via_m: Annotated[tuple[RoutePoint, ...], Field(max_length=50)] = ()
+    aircraft: Annotated[Literal["c310"], key("aircraft: the c310 is a light twin of 2 t", NO_UNIT)] = "c310"
+    route: Annotated[
+        Literal["approach", "pattern", "go_around", "low_level"],
+        key("route: landing, traffic pattern, go-around, or low level over the points of via_m", NO_UNIT, "approach"),
+    ]
+    speed_mps: Annotated[
+        float, Field(ge=48, le=80), key("calibrated airspeed; at most 65 except on the route low_level", "m/s")
+    ] = 55.0
+    turbulence: Annotated[
+        Literal["none", "light", "moderate", "severe"],
+        key("turbulence by MIL-F-8785C; the wind is that of [air]", NO_UNIT),
+    ] = "none"
+    start_m: Annotated[
+        float,
+        Field(ge=1500, le=7000),
+        key("of approach and go_around: distance before the runway threshold at the start of the flight", "m"),
+    ] = 4500.0
+    go_around_m: Annotated[
+        float,
+        Field(ge=20, le=150),
+        key("of go_around and pattern: height above the threshold at which the climb begins", "m"),
+    ] = 60.0
+    side: Annotated[
+        Literal["left", "right"], key("of pattern: side of the circuit, seen in the direction of landing", NO_UNIT)
+    ] = "left"
+    pattern_m: Annotated[
+        float, Field(ge=200, le=500), key("of pattern: height above the threshold on the downwind leg", "m")
+    ] = 300.0
+    clearance_m: Annotated[
+        float,
+        Field(ge=60, le=600),
+        key("of low_level: height above the highest ground within 80 m of the track", "m"),
+    ] = 150.0
+    via_m: Annotated[
+        Annotated[tuple[RoutePoint, ...], Field(max_length=50)],
+        key(
+            "of low_level, which needs two or more: corners of the track, each the distance before the threshold and "
+            "the "
+            "distance right of the track",
+            "m",
+        ),
+    ] = ()
 
     @model_validator(mode="after")
     def _check_route(self) -> JsbsimFlight:
-        for key, routes in KEY_ROUTES.items():
-            if key in self.model_fields_set and self.route not in routes:
-                raise ValueError(f"{key} is not allowed on the route {self.route!r}; allowed on: {', '.join(routes)}")
+        for name, routes in KEY_ROUTES.items():
+            if name in self.model_fields_set and self.route not in routes:
+                raise ValueError(f"{name} is not allowed on the route {self.route!r}; allowed on: {', '.join(routes)}")
         if self.route != "low_level" and self.speed_mps > MAX_LANDING_MPS:
             raise ValueError(
                 f"speed_mps = {self.speed_mps:g} is too fast for the route {self.route!r}: with gear and flaps down "

@@ -21,6 +21,7 @@ from pydantic import Field
 
 from fti.arrays import Array
 from fti.config import Positive, StrictModel, bind, parse_toml
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.geodesy.formulas import SEMI_MAJOR, SEMI_MINOR
 from fti.geodesy.local import LocalFrame
 from fti.nav.integrity.ground_track import GroundTrack, TrackLeg
@@ -30,19 +31,38 @@ EARTH_RADIUS = (2 * SEMI_MAJOR + SEMI_MINOR) / 3
 
 
 class Airfield(StrictModel):
-    """The airfield file: the runway and its glide path.  Altitudes above the WGS84 ellipsoid."""
+    """The airfield file: the runway, its glide path and its ground track."""
 
-    name: str
-    threshold_lat_deg: Annotated[float, Field(ge=-89, le=89)]
-    threshold_lon_deg: Annotated[float, Field(ge=-180, le=180)]
-    threshold_alt_m: float
-    course_deg: Annotated[float, Field(ge=0, lt=360)]  # true, direction of landing
-    runway_slope: Annotated[float, Field(ge=-0.05, le=0.05)] = 0.0  # rise over run, > 0 uphill
-    glide_deg: Annotated[float, Field(ge=1, le=10)] = 3.0
-    tch_m: Positive = 15.24
-    runway_length_m: Positive
-    survey_date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
-    leg: tuple[TrackLeg, ...] | None = None  # of the ground track, from the intercept point outwards; without: straight
+    name: Annotated[str, key("name of the approach", NO_UNIT, "EXAMPLE 27")]
+    threshold_lat_deg: Annotated[
+        float, Field(ge=-89, le=89), key("latitude of the runway threshold, positive north", "deg", 36.63)
+    ]
+    threshold_lon_deg: Annotated[
+        float, Field(ge=-180, le=180), key("longitude of the runway threshold, positive east", "deg", -84.1675)
+    ]
+    threshold_alt_m: Annotated[float, key("altitude of the runway threshold above the WGS84 ellipsoid", "m", 360.0)]
+    course_deg: Annotated[
+        float, Field(ge=0, lt=360), key("true course of the runway in the direction of landing", "deg", 275.0)
+    ]
+    runway_slope: Annotated[
+        float, Field(ge=-0.05, le=0.05), key("slope of the runway, rise over run, positive uphill when landing", ONE)
+    ] = 0.0
+    glide_deg: Annotated[float, Field(ge=1, le=10), key("angle of the glide path", "deg")] = 3.0
+    tch_m: Annotated[Positive, key("height of the glide path above the threshold (threshold crossing height)", "m")] = (
+        15.24
+    )
+    runway_length_m: Annotated[Positive, key("length of the runway from the threshold", "m", 1200.0)]
+    survey_date: Annotated[
+        str,
+        Field(pattern=r"^\d{4}-\d{2}-\d{2}$"),
+        key("date of the survey of the approach; default of --date of fti reference make", NO_UNIT, "2018-06-01"),
+    ]
+    leg: Annotated[
+        tuple[TrackLeg, ...] | None,
+        key(
+            "[[leg]]: legs of the ground track, from the intercept point outwards; none: the track is straight", NO_UNIT
+        ),
+    ] = None
 
 
 def load_airfield(text: str, file: str) -> Airfield:

@@ -22,6 +22,7 @@ from pydantic import Field, model_validator
 
 from fti.arrays import Array
 from fti.config import Positive, StrictModel
+from fti.config.keys import key
 
 #: Distance over which the bank of a turn is rolled in or out [m]: 5 s at 60 m/s.
 ROLL_IN_M = 300.0
@@ -33,15 +34,24 @@ EXTENSION_M = 1e6
 
 
 class TrackLeg(StrictModel):
-    """A leg of the ground track.
+    """``[[leg]]``: a leg of the ground track, straight or an arc; each is tangent to the one before.
 
-    length_m : along it      radius_m : of an arc, > 0 to the right, < 0 to the left; without: straight
-    bank_deg : nominal bank on the arc: atan(v^2 / (g R)), 10.4 deg for 60 m/s and 2000 m
+    An arc needs radius_m and bank_deg; a straight leg has neither.
     """
 
-    length_m: Positive
-    radius_m: Annotated[float, Field(ge=-1e5, le=1e5)] | None = None
-    bank_deg: Annotated[float, Field(gt=0, le=30)] | None = None
+    length_m: Annotated[Positive, key("length along the leg", "m", 2500.0)]
+    radius_m: Annotated[
+        Annotated[float, Field(ge=-1e5, le=1e5)] | None,
+        key(
+            "radius of an arc, at least 300, positive: flown to the right, negative: to the left; none: straight",
+            "m",
+            -2000.0,
+        ),
+    ] = None
+    bank_deg: Annotated[
+        Annotated[float, Field(gt=0, le=30)] | None,
+        key("nominal bank on an arc: 10.4 for 60 m/s and 2000 m; none: straight", "deg", 10.4),
+    ] = None
 
     @model_validator(mode="after")
     def _check_arc(self) -> TrackLeg:

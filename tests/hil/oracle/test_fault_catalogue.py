@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 
 from fti import config as configuration
+from fti.config.keys import NO_UNIT, allowed_values
 from fti.devices import bind_devices
 from fti.hil import scenario as scenarios
 from fti.hil.faults.applicability import drivers_of, inapplicable_reason
-from fti.hil.oracle.fault_catalogue import allowed_values, fault_kinds
+from fti.hil.oracle.fault_catalogue import fault_kinds
 from fti.hil.oracle.fault_flags import flags_of_scenario
 from fti.hil.oracle.flag_definitions import ExpectedFlag, FaultFlags
 from fti.hil.oracle.flags_of_kinds import FLAGS
 from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 from fti.hil.scenario import Scenario
-from fti.hil.tables.fault_base import NO_UNIT, DeviceFault
+from fti.hil.tables.fault_base import DeviceFault
 from fti.hil.tables.fault_types import Fault, FaultKind, LeverArm, PowerFault, WrongChecksum
 from tests.helpers import ROOT
 
