@@ -13,6 +13,7 @@ if permitted (root, or rtprio in limits.conf).
     fti hil --list
     fti hil --faults                 every kind of fault: keys with unit and limits, expected flags
     fti hil --faults cut             one kind with an example; --json for programs
+    fti hil template --out my_scenario.toml     a scenario with every key as a comment
     fti hil nominal --plot flight.png
     fti hil nominal --links /tmp/links &
     fti run configs/demo.toml --links /tmp/links
@@ -23,8 +24,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from fti.cli._arguments import picture, seconds
-from fti.cli._printing import print_json, print_line, print_lines
+from fti.cli._arguments import new_file, picture, seconds
+from fti.cli._printing import print_json, print_line, print_lines, write_text
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
@@ -32,11 +33,15 @@ if TYPE_CHECKING:
 
 #: Printed when the flight has ended, before the ports are closed.
 FLIGHT_END = "finished"
+#: In the place of a scenario: write the template of one.
+TEMPLATE = "template"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``fti hil``."""
-    parser.add_argument("scenario", nargs="?", metavar="SCENARIO", help="name of a shipped scenario, or a file")
+    parser.add_argument(
+        "scenario", nargs="?", metavar="SCENARIO", help="name of a shipped scenario, a file, or: template"
+    )
     parser.add_argument("--list", action="store_true", help="list the shipped scenarios and exit")
     parser.add_argument(
         "--faults", nargs="?", const="", metavar="KIND", help="describe every kind of fault, or one, and exit"
@@ -52,18 +57,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plot", metavar="FILE", type=picture, help="plot the flight to FILE (.png, .svg; must not exist) and exit"
     )
+    parser.add_argument(
+        "--out",
+        metavar="FILE",
+        type=new_file(".toml"),
+        help="with template: write FILE (.toml), not the terminal",
+    )
     parser.add_argument("--truth", metavar="FILE", help="write the truth of the flight to this MCAP file")
     parser.add_argument("--report", metavar="FILE", help="write sent messages and lateness to this JSON file")
     parser.add_argument("--hold", action="store_true", help="exit code 1 when a rate was not held")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly or plot the scenario, list the scenarios, or describe the faults."""
+    """Fly or plot the scenario, list the scenarios, describe the faults, or write the template."""
     from fti.errors import MissingError
     from fti.hil import scenario as scenarios
 
     if args.json and args.faults is None:
         args.parser.error("--json: only with --faults")
+    if args.out and args.scenario != TEMPLATE:
+        args.parser.error("--out: only with template")
     if args.faults is not None:
         return _describe_faults(args.faults, as_json=args.json)
     if args.list:
@@ -71,9 +84,23 @@ def run(args: argparse.Namespace) -> int:
         for name in names:
             print_line(f"{name:{max(map(len, names))}}  {scenarios.load(scenarios.find(name)).title}")
         return 0
+    if args.scenario == TEMPLATE:
+        return _write_template(args)
     if args.scenario is None:
         raise MissingError(f"SCENARIO: missing; shipped: {', '.join(scenarios.shipped_names())}")
     return _draw(args) if args.plot else _fly(args)
+
+
+def _write_template(args: argparse.Namespace) -> int:
+    """Print or write a scenario with every key, for the configuration of --config or of the demonstration."""
+    from pathlib import Path
+
+    from fti.example_files import FOLDER
+    from fti.user_files import template
+
+    config = Path(args.config).absolute() if args.config else FOLDER / "demo.toml"
+    write_text(template.scenario(str(config)), args.out)
+    return 0
 
 
 def _describe_faults(name: str, *, as_json: bool) -> int:

@@ -1,9 +1,11 @@
 """Make and read the reference profile of an approach.
 
-The profile is the terrain along the published path as one kind of altimeter measures it.  ``make`` also simulates
-nominal approaches, on all cores, for the limits of the integrity monitor's tests.  ``fit`` estimates the receiver
-parameters of an altimeter from recorded flights.  ``info`` prints and plots a reference.
+The profile is the terrain along the published path as one kind of altimeter measures it.  ``template`` prints an
+airfield file with every key, the input of ``make``.  ``make`` also simulates nominal approaches, on all cores, for the
+limits of the integrity monitor's tests.  ``fit`` estimates the receiver parameters of an altimeter from recorded
+flights.  ``info`` prints and plots a reference.
 
+    fti reference template --out airfield.toml
     fti reference make --airfield FILE --terrain demo --out configs/profiles/demo.csv
     fti reference make --airfield FILE --terrain dsm_1m.tif srtm.hgt --vertical egm96 --out profiles/27.csv
     fti reference make --airfield FILE --recorded SESSION SESSION --sensor radar_altimeter --out profiles/27.csv
@@ -22,7 +24,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fti.cli._printing import print_json, print_line, print_lines
+from fti.cli._arguments import new_file
+from fti.cli._printing import print_json, print_line, print_lines, write_text
 from fti.cli._reference_arguments import MAKE, add_make
 from fti.cli._reference_fit import FIT, add_fit, check_output_path, fit, write_output
 from fti.errors import ConfigError, MissingError
@@ -42,7 +45,7 @@ MAX_POST_SPACING_M = 10.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Three actions."""
+    """Four actions."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     add_make(
         actions.add_parser(
@@ -60,14 +63,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             formatter_class=parser.formatter_class,
         )
     )
+    template = actions.add_parser("template", help="print an airfield file with every key")
+    template.add_argument(
+        "--out", type=new_file(".toml"), metavar="FILE", help="write FILE (.toml), instead of the terminal"
+    )
     info = actions.add_parser("info", help="print and draw a reference")
     info.add_argument("reference", type=Path, metavar="FILE", help="the reference (CSV)")
     info.add_argument("--json", action="store_true", help="print the header as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make, fit or show."""
-    return {"make": _make, "fit": fit, "info": _info}[args.action](args)
+    """Make, fit, show, or write the template."""
+    return {"make": _make, "fit": fit, "info": _info, "template": _write_template}[args.action](args)
 
 
 def _read(path: Path) -> str:
@@ -77,6 +84,13 @@ def _read(path: Path) -> str:
         raise MissingError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: is not UTF-8 text") from None
+
+
+def _write_template(args: argparse.Namespace) -> int:
+    from fti.user_files import template
+
+    write_text(template.airfield(), args.out)
+    return 0
 
 
 # ---------------------------------------------------------------------------------------------------------- make
