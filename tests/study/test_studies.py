@@ -23,7 +23,7 @@ from fti.study.triple_buffer.judge import closed_forms
 #: Runs with --scale quick; twenty times as many with --scale full.
 RUNS = {"device_clock": 5, "triple_buffer": 1}
 #: Studies that take longer: their own tests judge parts of them, and the whole with --scale full.
-LONG = {"approach", "clearance", "compensation", "faults", "filter", "ranging", "robust_altimeter"}
+LONG = {"approach", "clearance", "compensation", "faults", "filter", "matching", "ranging", "robust_altimeter"}
 LONG |= {"slant_range", "strapdown", "trajectory", "validity", "wdop"}
 
 

@@ -1,0 +1,210 @@
+"""The fix: the shift with the smallest chi-square, its covariance, and the reasons to refuse it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from fti.arrays import Array
+from fti.nav.terrain_matching.likelihood import Likelihood, Minimum
+from fti.nav.terrain_matching.profile import Profile
+from fti.nav.terrain_matching.search import Lattice, search_lattice
+from fti.nav.terrain_matching.window import TerrainWindow
+
+#: Parameters that a profile determines: two shifts and the common height error.
+PARAMETERS = 3
+#: Minima of the lattice that are refined; a minimum this far above the smallest one (scaled chi-square) cannot win.
+MAX_CANDIDATES, MAX_EXCESS = 8, 60.0
+#: Steps of the refinement of a minimum, and the change [m] that ends it.
+MAX_ITERATIONS, RESOLUTION_M = 12, 0.01
+#: The likelihood around a minimum is integrated up to so many sigma, with so many shifts for each axis.
+MOMENT_SIGMAS, MOMENT_STEPS = 4.0, 17
+#: Another minimum within this distance [sigma] belongs to the same fix.
+SAME_SIGMAS = 5.0
+
+
+class Refusal(StrEnum):
+    """Why a fix must not be used."""
+
+    UNKNOWN_GROUND = "unknown_ground"
+    FLAT = "flat"
+    AT_EDGE = "at_edge"
+    RESIDUAL = "residual"
+    AMBIGUOUS = "ambiguous"
+
+
+@dataclass(frozen=True, slots=True)
+class MatchLimits:
+    """When a fix is refused.
+
+    max_sd_m  : one sigma of the fix along the weaker axis [m]; above: ``FLAT``
+    ambiguity : probability of the next minimum over that of the best; above: ``AMBIGUOUS``
+    residual_sigmas : of the residual's chi-square beyond its expectation; above: ``RESIDUAL``
+    """
+
+    max_sd_m: float = 30.0
+    ambiguity: float = 1e-3
+    residual_sigmas: float = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class MatchFix:
+    """Result of one profile.
+
+    t          : middle of the profile [s];  a fix refers to the position at this time
+    shift      : true minus navigated position, east and north [m]; NaN where the ground is unknown
+    cov        : its covariance [m^2]
+    up         : true minus navigated height [m];  up_sd : one sigma of it [m]
+    ambiguity  : probability of the next minimum over that of the best
+    noise_ratio : RMS of the residuals over their stated sigma, at least 1; cov contains it
+    refusals   : empty: the fix may be used
+    """
+
+    t: float
+    shift: Array
+    cov: Array
+    up: float
+    up_sd: float
+    ambiguity: float
+    noise_ratio: float
+    refusals: frozenset[Refusal]
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether nothing refuses it."""
+        return not self.refusals
+
+
+def match(
+    window: TerrainWindow,
+    profile: Profile,
+    lattice: Lattice,
+    limits: MatchLimits | None = None,
+    independent_share: float = 1.0,
+) -> MatchFix:
+    """The fix of a profile.
+
+    independent_share : number of independent errors over the number of samples, in (0, 1]: errors of elevation are
+    correlated over tens of metres, and such samples count less
+    """
+    limits = limits or MatchLimits()
+    chi_square = search_lattice(window, profile, lattice)
+    if np.isnan(chi_square).all():
+        return _without_position(profile, Refusal.UNKNOWN_GROUND)
+    likelihood = Likelihood(window, profile)
+    excess = MAX_EXCESS * _noise_ratio(float(np.nanmin(chi_square)), profile) ** 2 / independent_share
+    starts = [_finest(window, profile, lattice, at) for at in _candidates(chi_square, lattice, window.cell_m, excess)]
+    minima = [found for start in starts if (found := _refine(likelihood, start, window.cell_m))]
+    if not minima:
+        return _without_position(profile, Refusal.FLAT)
+    best = min(minima, key=lambda minimum: minimum.chi_square)
+    noise = _noise_ratio(best.chi_square, profile)
+    scale = independent_share / noise**2
+    shift, cov = _moments(likelihood, best, scale)
+    ambiguity = max((_odds(best, other, cov, scale) for other in minima), default=0.0)
+    tests = {
+        Refusal.FLAT: math.sqrt(np.linalg.eigvalsh(cov)[-1]) > limits.max_sd_m,
+        Refusal.AT_EDGE: _is_at_edge(best.shift, lattice, window.cell_m),
+        Refusal.RESIDUAL: best.chi_square > _max_chi_square(len(profile), independent_share, limits.residual_sigmas),
+        Refusal.AMBIGUOUS: ambiguity > limits.ambiguity,
+    }
+    return MatchFix(
+        t=profile.middle,
+        shift=shift,
+        cov=cov,
+        up=-best.height_error,
+        up_sd=1.0 / math.sqrt(profile.total_weight * scale),
+        ambiguity=ambiguity,
+        noise_ratio=noise,
+        refusals=frozenset(reason for reason, applies in tests.items() if applies),
+    )
+
+
+def _noise_ratio(chi_square: float, profile: Profile) -> float:
+    """RMS of the residuals over their stated sigma, at least 1."""
+    return max(1.0, math.sqrt(chi_square / (len(profile) - PARAMETERS)))
+
+
+def _without_position(profile: Profile, reason: Refusal) -> MatchFix:
+    shift, cov = np.full(2, np.nan), np.full((2, 2), np.inf)
+    return MatchFix(profile.middle, shift, cov, math.nan, math.inf, 1.0, math.nan, frozenset({reason}))
+
+
+def _candidates(chi_square: Array, lattice: Lattice, cell_m: float, excess: float) -> Array:
+    """Shifts of the smallest local minima of the lattice [m], shape (n, 2)."""
+    filled = np.where(np.isnan(chi_square), np.inf, chi_square)
+    around = np.pad(filled, 1, constant_values=np.inf)
+    rows, columns = filled.shape
+    neighbours = [around[i : i + rows, j : j + columns] for i in range(3) for j in range(3) if (i, j) != (1, 1)]
+    is_minimum = (filled <= np.minimum.reduce(neighbours)) & (filled <= filled.min() + excess)
+    at_row, at_column = np.nonzero(is_minimum)
+    order = np.argsort(filled[at_row, at_column], kind="stable")[:MAX_CANDIDATES]
+    east, north = lattice.shifts(cell_m)
+    return np.column_stack((east[at_column[order]], north[at_row[order]]))
+
+
+def _refine(likelihood: Likelihood, start: Array, cell_m: float) -> Minimum | None:
+    """The minimum near a shift, by Gauss-Newton steps of a cell at most; None over ground without slopes."""
+    at, max_step_m = likelihood.at(start), cell_m
+    for _ in range(MAX_ITERATIONS):
+        step = at.step
+        if step is None:
+            return None
+        length = float(np.hypot(*step))
+        next_at = likelihood.at(at.shift + step * min(1.0, max_step_m / max(length, RESOLUTION_M)))
+        if next_at.chi_square < at.chi_square:
+            at = next_at
+        else:
+            max_step_m *= 0.5
+        if min(length, max_step_m) < RESOLUTION_M:
+            break
+    return at
+
+
+def _finest(window: TerrainWindow, profile: Profile, lattice: Lattice, start: Array) -> Array:
+    """The best shift in whole cells around a shift of a lattice with a stride."""
+    if lattice.stride == 1:
+        return start
+    centre = (round(start[0] / window.cell_m), round(start[1] / window.cell_m))
+    around = Lattice(lattice.stride, 1, centre)
+    chi_square = search_lattice(window, profile, around)
+    i, j = np.unravel_index(int(np.nanargmin(chi_square)), chi_square.shape)
+    east, north = around.shifts(window.cell_m)
+    return np.array([east[j], north[i]])
+
+
+def _moments(likelihood: Likelihood, best: Minimum, scale: float) -> tuple[Array, Array]:
+    """Mean and covariance of the likelihood around a minimum [m, m^2]."""
+    root = np.linalg.cholesky(np.linalg.inv(scale * best.information))
+    steps = np.linspace(-MOMENT_SIGMAS, MOMENT_SIGMAS, MOMENT_STEPS)
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) @ root.T
+    excess = likelihood.chi_square(best.shift + offsets) - best.chi_square
+    probability = np.where(np.isnan(excess), 0.0, np.exp(-0.5 * scale * excess))
+    probability /= probability.sum()
+    mean = probability @ offsets
+    centred = offsets - mean
+    return best.shift + mean, (probability[:, None] * centred).T @ centred
+
+
+def _odds(best: Minimum, other: Minimum, cov: Array, scale: float) -> float:
+    """Probability of another minimum over that of the best; 0 if it is the same."""
+    away = other.shift - best.shift
+    if other is best or away @ np.linalg.solve(cov, away) < SAME_SIGMAS**2:
+        return 0.0
+    area = math.sqrt(np.linalg.det(best.information) / max(np.linalg.det(other.information), 1e-30))
+    return float(area * math.exp(-0.5 * scale * (other.chi_square - best.chi_square)))
+
+
+def _is_at_edge(shift: Array, lattice: Lattice, cell_m: float) -> bool:
+    """Whether the lattice ends within a step of a shift."""
+    from_centre = np.abs(shift / cell_m - np.asarray(lattice.centre))
+    return bool(from_centre.max() > lattice.stride * (lattice.steps - 1))
+
+
+def _max_chi_square(samples: int, independent_share: float, sigmas: float) -> float:
+    """Largest chi-square of residuals with their stated sigma, of which a share is independent."""
+    freedom = max(1.0, independent_share * samples - PARAMETERS)
+    return (samples - PARAMETERS) * (1.0 + sigmas * math.sqrt(2.0 / freedom))

@@ -1,0 +1,60 @@
+"""The posts of a terrain around a profile, on one grid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.arrays import Array
+from fti.nav.terrain_matching.profile import Profile
+from fti.terrain.terrain import Terrain
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainWindow:
+    """A rectangle of posts.
+
+    heights       : ndarray, shape (rows, columns) [m]  row 0 south, column 0 west; NaN where unknown
+    cell_m        : distance between posts [m]
+    east0, north0 : the post [0, 0] [m]
+    """
+
+    heights: Array
+    cell_m: float
+    east0: float
+    north0: float
+
+    def places(self, east: Array, north: Array) -> tuple[Array, Array]:
+        """Columns and rows of positions [m], with fractions."""
+        return (east - self.east0) / self.cell_m, (north - self.north0) / self.cell_m
+
+
+def cut_window(terrain: Terrain, profile: Profile, margin_m: float) -> TerrainWindow:
+    """The posts around a profile.
+
+    Of the finest layer if it contains the whole rectangle: then the window is a view of its posts.  Otherwise the
+    surface of all layers at the places that posts of the finest layer have, or would have; NaN outside of the terrain.
+    margin_m : beyond the outermost samples, each way [m]
+    """
+    layer = terrain.finest
+    low_column, high_column = _span(profile.east, layer.east0, layer.cell_m, margin_m)
+    low_row, high_row = _span(profile.north, layer.north0, layer.cell_m, margin_m)
+    corner = (layer.east0 + low_column * layer.cell_m, layer.north0 + low_row * layer.cell_m)
+    rows, columns = layer.heights.shape
+    if min(low_row, low_column) >= 0 and high_row < rows and high_column < columns:
+        heights = layer.heights[low_row : high_row + 1, low_column : high_column + 1]
+    else:
+        east = corner[0] + layer.cell_m * np.arange(high_column - low_column + 1)
+        north = corner[1] + layer.cell_m * np.arange(high_row - low_row + 1)
+        heights = terrain.up(*np.meshgrid(east, north))
+    return TerrainWindow(heights, layer.cell_m, *corner)
+
+
+def _span(places: Array, first: float, cell_m: float, margin_m: float) -> tuple[int, int]:
+    """Numbers of the first and last post of a row or column."""
+    return (
+        math.floor((places.min() - margin_m - first) / cell_m),
+        math.ceil((places.max() + margin_m - first) / cell_m) + 1,
+    )

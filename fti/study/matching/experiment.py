@@ -1,0 +1,238 @@
+"""Flights whose position is found by matching, and the same with ground or instruments that mislead."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.arrays import Array, Mask, Rng
+from fti.nav.terrain_matching.acquisition import FIXES, Acquisition
+from fti.nav.terrain_matching.fix import MatchFix, match
+from fti.nav.terrain_matching.likelihood import Likelihood
+from fti.nav.terrain_matching.printed_metric import mean_absolute_residual
+from fti.nav.terrain_matching.profile import Profile
+from fti.nav.terrain_matching.search import Lattice, five_point_search
+from fti.nav.terrain_matching.window import TerrainWindow, cut_window
+from fti.terrain.dem_error import DemError
+from fti.terrain.demo_region import demo_region
+from fti.terrain.synthetic import fractal_relief
+from fti.terrain.terrain import Terrain
+
+SAMPLES, PERIOD_S, SPEED_MPS = 125, 0.2, 60.0
+POSITION_SD_M, HEIGHT_SD_M, NOISE_M = 50.0, 5.0, 1.5
+#: Shifts on each side [m]: five sigma of the position.
+REACH_M = 250.0
+#: Size and posts of a synthetic ground [m], and its relief: sigma, longest and shortest wave.
+SIZE_M, CELL_M, RELIEF_M = 11000.0, 5.0, (40.0, 3000.0, 30.0)
+#: Elevation of the package: posts [m], and the edges of the square that is used, in the frame of the demonstration.
+REAL_CELL_M, REAL_EDGES_M = 40.0, (-14500.0, -5500.0, -8500.0, 500.0)
+#: So many consecutive runs share a synthetic ground.
+RUNS_PER_GROUND = 10
+DEM_ERROR = DemError(noise_sd=1.5)
+#: With it, neighbouring samples are not independent: 12 m between samples, correlation lengths of 30 m and 300 m.
+INDEPENDENT_SHARE = 0.1
+BEST_SHARE = 0.1
+WRONG_START_M = 2000.0
+#: One sigma of the drift of the navigated position that acquisition assumes [m/s].
+DRIFT_MPS = 0.1
+HOSTILE = ("good ground", "flat ground", "repeated ground", "stuck altimeter", "wrong start")
+
+
+@functools.lru_cache(maxsize=2)
+def synthetic_ground(number: int) -> Terrain:
+    """Fractal relief."""
+    shape, (sd, longest, shortest) = (int(SIZE_M / CELL_M),) * 2, RELIEF_M
+    rng = np.random.default_rng([number, 41])
+    return Terrain.from_array(
+        fractal_relief(shape, CELL_M, rng, sd=sd, max_size_m=longest, min_size_m=shortest), CELL_M
+    )
+
+
+@functools.lru_cache(maxsize=1)
+def real_ground() -> Terrain:
+    """The elevation of the package around the demonstration."""
+    west, east, south, north = REAL_EDGES_M
+    places = np.meshgrid(np.arange(west, east, REAL_CELL_M), np.arange(south, north, REAL_CELL_M))
+    return Terrain.from_array(demo_region().up(*places), REAL_CELL_M, east0=west, north0=south)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A straight flight in several windows.
+
+    middle       : of the first window [m];  heading : [rad]
+    error        : true minus navigated position [m];  height_error : navigated minus true height [m]
+    """
+
+    middle: Array
+    heading: float
+    error: Array
+    height_error: float
+
+    def profile(self, ground: Terrain, rng: Rng, window: int = 0, *, is_stuck: bool = False) -> Profile:
+        """The profile that is measured in a window."""
+        t = np.asarray(PERIOD_S * (np.arange(SAMPLES) + window * SAMPLES), dtype=np.float64)
+        along = SPEED_MPS * (t - 0.5 * PERIOD_S * SAMPLES)
+        east, north = self.middle[0] + along * math.sin(self.heading), self.middle[1] + along * math.cos(self.heading)
+        up = ground.up(east + self.error[0], north + self.error[1])
+        up = np.full(SAMPLES, up[0]) if is_stuck else up + NOISE_M * rng.standard_normal(SAMPLES)
+        return Profile(t, east, north, up + self.height_error, np.full(SAMPLES, NOISE_M), HEIGHT_SD_M)
+
+
+def draw_track(ground: Terrain, rng: Rng, error: Array) -> Track:
+    """A track whose windows stay within the ground."""
+    layer = ground.finest
+    centre = np.array([0.5 * (layer.east0 + layer.east1), 0.5 * (layer.north0 + layer.north1)])
+    heading = float(rng.uniform(0.0, math.tau))
+    back = SPEED_MPS * PERIOD_S * SAMPLES * 0.5 * (FIXES - 1) * np.array([math.sin(heading), math.cos(heading)])
+    return Track(centre + rng.uniform(-500.0, 500.0, 2) - back, heading, error, HEIGHT_SD_M * rng.standard_normal())
+
+
+@dataclass(frozen=True)
+class GroundResult:
+    """Errors over one ground [m, and over the bound or the covariance].
+
+    error_over_bound : of the likelihood, the printed metric and the best tenth of the samples: error^2 in units of the
+                       Cramer-Rao bound, halved
+    nees             : error^2 over covariance, halved; None if refused
+    found_cell       : the five-point search ends in the cell of the exhaustive minimum
+    """
+
+    error_m: float
+    error_over_bound: tuple[float, float, float]
+    nees: float | None
+    found_cell: bool
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A run: over exact elevation, synthetic and real, and over uncertain elevation.
+
+    uncertain : error and sigma of the fix [m]; None if refused
+    """
+
+    synthetic: GroundResult
+    real: GroundResult
+    uncertain: tuple[float, float] | None
+
+
+def fly(seed: int) -> Flight:
+    """One run."""
+    rng = np.random.default_rng([seed, 4])
+    ground = synthetic_ground(seed // RUNS_PER_GROUND)
+    synthetic, real = _match_exact(ground, rng), _match_exact(real_ground(), rng)
+    return Flight(synthetic, real, _match_uncertain(ground, rng))
+
+
+def lattice_over(ground: Terrain) -> Lattice:
+    """Shifts of every cell up to ``REACH_M``."""
+    return Lattice(math.ceil(REACH_M / ground.finest.cell_m))
+
+
+def window_around(terrain: Terrain, profile: Profile, lattice: Lattice) -> TerrainWindow:
+    """The posts for all shifts of a lattice."""
+    return cut_window(terrain, profile, (lattice.steps + 1) * terrain.finest.cell_m)
+
+
+def _match_exact(ground: Terrain, rng: Rng) -> GroundResult:
+    track = draw_track(ground, rng, POSITION_SD_M * rng.standard_normal(2))
+    profile, lattice = track.profile(ground, rng), lattice_over(ground)
+    window = window_around(ground, profile, lattice)
+    fix = match(window, profile, lattice)
+    likelihood = Likelihood(window, profile)
+    information = likelihood.at(track.error).information
+    few = profile.select(steepest(ground, profile))
+    printed = _exhaustive_minimum(lambda shifts: mean_absolute_residual(ground, profile, shifts), fix.shift)
+    errors = [shift - track.error for shift in (fix.shift, printed, match(window, few, lattice).shift)]
+    five, _ = five_point_search(likelihood.chi_square, 2.0 * REACH_M, ground.finest.cell_m)
+    off = errors[0]
+    return GroundResult(
+        error_m=float(np.hypot(*off)),
+        error_over_bound=tuple(float(0.5 * each @ information @ each) for each in errors),  # type: ignore[arg-type]
+        nees=float(0.5 * off @ np.linalg.solve(fix.cov, off)) if fix.is_usable else None,
+        found_cell=bool(np.abs(five - fix.shift).max() <= ground.finest.cell_m),
+    )
+
+
+def _exhaustive_minimum(metric: Callable[[Array], Array], near: Array) -> Array:
+    """The minimum of a metric within 20 m of a shift, on grids down to 0.1 m."""
+    steps = np.linspace(-1.0, 1.0, 21)
+    for reach_m in (20.0, 4.0, 1.0):
+        shifts = near + reach_m * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        near = shifts[metric(shifts).argmin()]
+    return near
+
+
+def steepest(ground: Terrain, profile: Profile) -> Mask:
+    """Mask of the tenth of the samples over the steepest ground, as the source selects them (section 4.2)."""
+    slope = np.hypot(*ground.gradient(profile.east, profile.north))
+    return np.asarray(slope >= np.quantile(slope, 1.0 - BEST_SHARE))
+
+
+def _match_uncertain(ground: Terrain, rng: Rng) -> tuple[float, float] | None:
+    """Error and sigma of a fix with elevation that has errors [m]; None if refused."""
+    track = draw_track(ground, rng, POSITION_SD_M * rng.standard_normal(2))
+    profile, lattice = track.profile(ground, rng), lattice_over(ground)
+    exact = window_around(ground, profile, lattice)
+    elevation = DEM_ERROR.apply(
+        Terrain.from_array(exact.heights, exact.cell_m, east0=exact.east0, north0=exact.north0), rng
+    )
+    sd = np.full(SAMPLES, math.hypot(NOISE_M, DEM_ERROR.noise_sd))
+    profile = Profile(profile.t, profile.east, profile.north, profile.ground, sd, HEIGHT_SD_M)
+    fix = match(window_around(elevation, profile, lattice), profile, lattice, independent_share=INDEPENDENT_SHARE)
+    if not fix.is_usable:
+        return None
+    return float(np.hypot(*(fix.shift - track.error))), float(np.sqrt(np.linalg.eigvalsh(fix.cov)[-1]))
+
+
+# -------------------------------------------------------------------------------------------------- hostile cases
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """A fix after acquisition.  error_m : its error;  distance_2 : error^2 over covariance"""
+
+    error_m: float
+    distance_2: float
+
+
+@functools.lru_cache(maxsize=1)
+def _flat_ground() -> Terrain:
+    """The sea: waves of 0.2 m."""
+    shape = (int(SIZE_M / CELL_M),) * 2
+    return Terrain.from_array(0.2 * np.random.default_rng(3).standard_normal(shape), CELL_M)
+
+
+@functools.lru_cache(maxsize=1)
+def _repeated_ground() -> Terrain:
+    """Dunes, 150 m apart both ways."""
+    wave = 10.0 * np.sin(math.tau * CELL_M * np.arange(int(SIZE_M / CELL_M)) / 150.0)
+    return Terrain.from_array(wave[:, None] + wave, CELL_M)
+
+
+def fly_hostile(seed: int) -> dict[str, Confirmed | None]:
+    """Acquisition in each case of ``HOSTILE``; None where it is not confirmed."""
+    rng = np.random.default_rng([seed, 5])
+    good = synthetic_ground(seed // RUNS_PER_GROUND)
+    grounds = {"flat ground": _flat_ground(), "repeated ground": _repeated_ground()}
+    return {case: _acquire(grounds.get(case, good), rng, case) for case in HOSTILE}
+
+
+def _acquire(ground: Terrain, rng: Rng, case: str) -> Confirmed | None:
+    error = POSITION_SD_M * rng.standard_normal(2)
+    if case == "wrong start":
+        heading = rng.uniform(0.0, math.tau)
+        error = WRONG_START_M * np.array([math.sin(heading), math.cos(heading)])
+    track, lattice, acquisition = draw_track(ground, rng, error), lattice_over(ground), Acquisition(DRIFT_MPS)
+    confirmed: MatchFix | None = None
+    for window in range(FIXES):
+        profile = track.profile(ground, rng, window, is_stuck=case == "stuck altimeter")
+        confirmed = acquisition.add(match(window_around(ground, profile, lattice), profile, lattice))
+    if confirmed is None:
+        return None
+    off = confirmed.shift - error
+    return Confirmed(float(np.hypot(*off)), float(off @ np.linalg.solve(confirmed.cov, off)))

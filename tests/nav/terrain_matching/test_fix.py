@@ -1,0 +1,167 @@
+"""The fix: exact without noise, as uncertain as it states with noise, refused where it would be wrong."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti.nav.terrain_matching.acquisition import Acquisition
+from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match
+from fti.nav.terrain_matching.printed_metric import matching_covariance, mean_absolute_residual
+from fti.nav.terrain_matching.profile import Profile
+from fti.nav.terrain_matching.search import Lattice
+from fti.nav.terrain_matching.window import cut_window
+from fti.terrain.terrain import Terrain
+from tests.nav.terrain_matching.grounds import CELL_M, fly, hills
+
+STEPS = 30
+
+
+def fix_of(ground: Terrain, profile: Profile, steps: int = STEPS, stride: int = 1, **more: Any) -> MatchFix:
+    return match(cut_window(ground, profile, (steps * stride + 1) * CELL_M), profile, Lattice(steps, stride), **more)
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+@pytest.mark.parametrize("error", [(0.0, 0.0), (42.3, -61.7), (-103.1, 12.2)])
+def test_without_noise_the_fix_is_the_error_to_a_decimetre(error: tuple[float, float], stride: int) -> None:
+    ground = hills()
+    fix = fix_of(ground, fly(ground, error, height_error=2.0), STEPS // stride, stride)
+    assert fix.is_usable
+    assert fix.shift == pytest.approx(error, abs=0.1)
+    assert fix.up == pytest.approx(-2.0, abs=0.1)
+    assert fix.noise_ratio == 1.0
+
+
+def test_errors_have_the_stated_covariance_and_that_is_the_bound() -> None:
+    """200 flights of the same track: mean of error^2 over covariance 2, within four sigma of the mean."""
+    ground, flights = hills(), 200
+    rng, distances = np.random.default_rng(5), []
+    for _ in range(flights):
+        error = rng.uniform(-60.0, 60.0, 2)
+        profile = fly(ground, (error[0], error[1]), noise=rng.standard_normal(80), height_error=rng.normal(0.0, 5.0))
+        fix = fix_of(ground, profile)
+        off = fix.shift - error
+        distances.append(off @ np.linalg.solve(fix.cov, off))
+    assert np.mean(distances) == pytest.approx(2.0, abs=4.0 * 2.0 / np.sqrt(flights))
+
+
+def test_a_sigma_that_is_stated_too_small_is_enlarged_by_the_residuals() -> None:
+    ground, rng = hills(), np.random.default_rng(6)
+    stated = fly(ground, (20.0, 10.0), noise=3.0 * rng.standard_normal(80), sd=1.0)
+    true = Profile(stated.t, stated.east, stated.north, stated.ground, np.full(80, 3.0), 5.0)
+    small, right = fix_of(ground, stated), fix_of(ground, true)
+    assert small.noise_ratio == pytest.approx(3.0, rel=0.25)
+    assert np.sqrt(np.linalg.eigvalsh(small.cov)) == pytest.approx(np.sqrt(np.linalg.eigvalsh(right.cov)), rel=0.25)
+    assert small.refusals == {Refusal.RESIDUAL} and right.is_usable
+
+
+def test_samples_that_are_not_independent_count_less() -> None:
+    ground = hills()
+    profile = fly(ground, (20.0, 10.0))
+    whole, tenth = fix_of(ground, profile), fix_of(ground, profile, independent_share=0.1)
+    assert np.linalg.eigvalsh(tenth.cov)[-1] == pytest.approx(10.0 * np.linalg.eigvalsh(whole.cov)[-1], rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("ground", "error", "reason"),
+    [
+        (
+            Terrain.from_array(np.random.default_rng(2).normal(0.0, 0.2, (400, 400)), CELL_M),
+            (0.0, 0.0),
+            Refusal.AMBIGUOUS,
+        ),
+        (Terrain.from_array(np.zeros((400, 400)), CELL_M), (0.0, 0.0), Refusal.FLAT),
+        (Terrain.from_array(np.full((400, 400), np.nan), CELL_M), None, Refusal.UNKNOWN_GROUND),
+        (hills(), (200.0, 0.0), Refusal.AT_EDGE),
+        (hills(), (400.0, -300.0), Refusal.RESIDUAL),
+    ],
+    ids=lambda value: str(value) if isinstance(value, Refusal) else "",
+)
+def test_a_fix_that_may_be_wrong_names_its_reason(
+    ground: Terrain, error: tuple[float, float] | None, reason: Refusal
+) -> None:
+    rng = np.random.default_rng(8)
+    profile = fly(ground if error else hills(), error or (0.0, 0.0), noise=rng.standard_normal(80))
+    fix = fix_of(ground, profile)
+    assert reason in fix.refusals and not fix.is_usable
+
+
+def test_ground_that_repeats_is_ambiguous() -> None:
+    wave = 8.0 * np.sin(2.0 * np.pi * CELL_M * np.arange(400) / 100.0)
+    ground = Terrain.from_array(wave[:, None] + wave, CELL_M)
+    fix = fix_of(ground, fly(ground, noise=np.random.default_rng(3).standard_normal(80)))
+    assert Refusal.AMBIGUOUS in fix.refusals and fix.ambiguity > 0.1
+
+
+def test_a_long_valley_is_flat_along_it() -> None:
+    """No slope to the north: nothing says where along the valley the aircraft is."""
+    across = 20.0 * np.sin(2.0 * np.pi * CELL_M * np.arange(400) / 300.0) + 3.0 * np.sin(CELL_M * np.arange(400) / 17.0)
+    ground = Terrain.from_array(np.tile(across, (400, 1)), CELL_M)
+    fix = fix_of(ground, fly(ground), limits=MatchLimits(max_sd_m=20.0))
+    assert Refusal.FLAT in fix.refusals
+
+
+# ----------------------------------------------------------------------------------------------- the printed forms
+
+
+def test_the_printed_covariance_of_a_gaussian_is_its_own() -> None:
+    """Fig. 4.8: 25 m and 15 m within 0.5 %; a mean beside the middle is found."""
+    axis = np.arange(-150.0, 151.0, 2.0)
+    density = np.exp(-0.5 * (((axis[:, None] + 6.0) / 15.0) ** 2 + ((axis - 10.0) / 25.0) ** 2))
+    mean, cov = matching_covariance(1.0 - density, axis, axis)
+    assert mean == pytest.approx([10.0, -6.0], abs=0.05)
+    assert np.sqrt(np.diag(cov)) == pytest.approx([25.0, 15.0], rel=0.005)
+
+
+def test_the_printed_covariance_grows_with_the_grid_over_a_floor_of_noise() -> None:
+    """docs/errata.md: about 27, 57 and 115 m for grids of 50, 100 and 200 m on each side."""
+    sigmas = []
+    for half in (50.0, 100.0, 200.0):
+        axis = np.arange(-half, half + 1.0, 2.0)
+        metric = 1.0 - 0.3 * np.exp(-0.5 * (axis[:, None] ** 2 + axis**2) / 10.0**2)
+        metric[0, 0] = 3.0  # one bad shift sets the level of all others
+        sigmas.append(np.sqrt(matching_covariance(metric, axis, axis)[1][0, 0]))
+    assert sigmas == pytest.approx([27.0, 57.0, 115.0], rel=0.1)
+
+
+def test_the_printed_metric_is_the_mean_absolute_residual_without_its_mean() -> None:
+    ground = hills()
+    profile = fly(ground, height_error=4.0)
+    up = ground.up(profile.east + 10.0, profile.north - 5.0)
+    residual = profile.ground - up
+    expected = float(np.mean(np.abs(residual - np.mean(residual))))
+    found = mean_absolute_residual(ground, profile, np.array([[10.0, -5.0], [0.0, 0.0]]))
+    assert found == pytest.approx([expected, 0.0], abs=1e-9)
+
+
+# ----------------------------------------------------------------------------------------------------- acquisition
+
+
+def fix_at(t: float, east: float, north: float, sd: float = 3.0, *reasons: Refusal) -> MatchFix:
+    return MatchFix(t, np.array([east, north]), sd**2 * np.eye(2), 0.0, 1.0, 0.0, 1.0, frozenset(reasons))
+
+
+def test_three_fixes_that_agree_confirm_a_position() -> None:
+    acquisition = Acquisition(drift_mps=0.1)
+    assert acquisition.add(fix_at(0.0, 1000.0, 500.0)) is None
+    assert acquisition.add(fix_at(25.0, 1006.0, 497.0)) is None
+    confirmed = acquisition.add(fix_at(50.0, 1003.0, 503.0))
+    assert confirmed and confirmed.t == 50.0
+
+
+@pytest.mark.parametrize("wrong", [fix_at(25.0, 1100.0, 500.0), fix_at(25.0, 1000.0, 500.0, 3.0, Refusal.AMBIGUOUS)])
+def test_a_fix_that_disagrees_or_is_refused_delays_the_confirmation_to_the_third_after_it(wrong: MatchFix) -> None:
+    acquisition = Acquisition(drift_mps=0.1)
+    acquisition.add(fix_at(0.0, 1000.0, 500.0))
+    answers = [acquisition.add(fix) for fix in (wrong, *(fix_at(t, 1000.0, 500.0) for t in (50.0, 75.0, 100.0)))]
+    assert [answer is not None for answer in answers] == [False, False, False, True]
+
+
+def test_the_drift_of_the_position_may_move_the_fixes_apart() -> None:
+    """10 m in 25 s: 2.4 sigma of fixes of 3 m for each axis at no drift, far within 1 m/s."""
+    moving = [fix_at(25.0 * k, 20.0 * k, 0.0) for k in range(3)]
+    slow, fast = Acquisition(drift_mps=0.01), Acquisition(drift_mps=1.0)
+    assert [slow.add(fix) for fix in moving][-1] is None
+    assert [fast.add(fix) for fix in moving][-1] is moving[-1]
