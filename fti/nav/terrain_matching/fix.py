@@ -22,6 +22,8 @@ MAX_CANDIDATES, MAX_EXCESS = 8, 60.0
 MAX_ITERATIONS, RESOLUTION_M = 12, 0.01
 #: The likelihood around a minimum is integrated up to so many sigma, with so many shifts for each axis.
 MOMENT_SIGMAS, MOMENT_STEPS = 4.0, 17
+#: Least variance of an axis, in units of that of a linear surface.
+MIN_VARIANCE = 0.25
 #: Another minimum within this distance [sigma] belongs to the same fix.
 SAME_SIGMAS = 5.0
 
@@ -177,16 +179,21 @@ def _finest(window: TerrainWindow, profile: Profile, lattice: Lattice, start: Ar
 
 
 def _moments(likelihood: Likelihood, best: Minimum, scale: float) -> tuple[Array, Array]:
-    """Mean and covariance of the likelihood around a minimum [m, m^2]."""
+    """Mean and covariance of the likelihood around a minimum [m, m^2].
+
+    In units of the covariance for a linear surface; the variance of an axis is at least ``MIN_VARIANCE`` of that.
+    """
     root = np.linalg.cholesky(np.linalg.inv(scale * best.information))
     steps = np.linspace(-MOMENT_SIGMAS, MOMENT_SIGMAS, MOMENT_STEPS)
-    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) @ root.T
-    excess = likelihood.chi_square(best.shift + offsets) - best.chi_square
-    probability = np.where(np.isnan(excess), 0.0, np.exp(-0.5 * scale * excess))
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    excess = likelihood.chi_square(best.shift + offsets @ root.T) - best.chi_square
+    probability = np.where(np.isnan(excess), 0.0, np.exp(-0.5 * scale * np.maximum(excess, 0.0)))
     probability /= probability.sum()
     mean = probability @ offsets
     centred = offsets - mean
-    return best.shift + mean, (probability[:, None] * centred).T @ centred
+    variances, axes = np.linalg.eigh((probability[:, None] * centred).T @ centred)
+    axes = root @ axes * np.sqrt(np.maximum(variances, MIN_VARIANCE))
+    return best.shift + root @ mean, axes @ axes.T
 
 
 def _odds(best: Minimum, other: Minimum, cov: Array, scale: float) -> float:

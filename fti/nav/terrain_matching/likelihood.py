@@ -14,6 +14,8 @@ from fti.kernel import kernel
 from fti.nav.terrain_matching.profile import Profile
 from fti.nav.terrain_matching.window import TerrainWindow
 
+#: Information of the weaker axis below which it is unknown: over that of the stronger axis, and of a sigma of 10 km.
+MIN_RATIO, MIN_INFORMATION = 1e-9, 1e-8
 #: Sums of the samples for each shift: w times the residual r, r^2, slopes s_e, s_n, their products, and r with them.
 _SUMS = 9
 
@@ -39,7 +41,8 @@ class Minimum:
     @property
     def step(self) -> Array | None:
         """To the minimum of the quadratic form [m]; None over ground without slopes in some direction."""
-        if not np.linalg.eigvalsh(self.information)[0] > 0.0:
+        low, high = np.linalg.eigvalsh(self.information)
+        if not low > max(MIN_RATIO * high, MIN_INFORMATION):
             return None
         return np.asarray(np.linalg.solve(self.information, self.half_gradient))
 

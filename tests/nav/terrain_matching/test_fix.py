@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fti.nav.terrain_matching.acquisition import Acquisition
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match
@@ -86,6 +88,27 @@ def test_a_fix_that_may_be_wrong_names_its_reason(
     profile = fly(ground if error else hills(), error or (0.0, 0.0), noise=rng.standard_normal(80))
     fix = fix_of(ground, profile)
     assert reason in fix.refusals and not fix.is_usable
+
+
+@given(
+    relief=st.sampled_from([0.0, 1e-12, 1e-3, 1.0, 300.0, 1e6]),
+    along=st.sampled_from([(1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]),
+    holes=st.integers(0, 40),
+    noise=st.floats(0.0, 1e5),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_no_ground_and_no_noise_stop_it(
+    relief: float, along: tuple[float, float], holes: int, noise: float, seed: int
+) -> None:
+    """Any ground, also a plane or a valley: a fix with a covariance, or a reason."""
+    rng = np.random.default_rng(seed)
+    axis = np.arange(400.0)
+    up = relief * np.sin((along[0] * axis + along[1] * axis[:, None]) / rng.uniform(3.0, 100.0))
+    known = Terrain.from_array(up, CELL_M)
+    profile = fly(known, noise=noise * rng.standard_normal(80))
+    up[rng.integers(0, 400, holes), rng.integers(0, 400, holes)] = np.nan
+    fix = fix_of(known.with_finest(up), profile, steps=10)
+    assert fix.refusals or (np.isfinite(fix.shift).all() and np.linalg.eigvalsh(fix.cov)[0] > 0.0)
 
 
 def test_ground_that_repeats_is_ambiguous() -> None:
