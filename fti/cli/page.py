@@ -5,6 +5,9 @@ the key.
 
   fti page                   open the browser
   fti page --print           print the address with the key, for a browser that cannot open files of the run directory
+
+From another computer: ssh -L 8080:127.0.0.1:8080 USER@RECORDER, then open there the address that fti page --print
+prints here.  Both ports must be the port of the printed address.
 """
 
 from __future__ import annotations

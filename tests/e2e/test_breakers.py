@@ -76,6 +76,7 @@ def silent(state: dict[str, Any]) -> list[str]:
 async def is_reset_on_the_page(page: Page) -> None:
     await page.wait_for(f"!{by_testid(BREAKER)}.disabled")
     await page.eval(f"{by_testid(BREAKER)}.click()")
+    await page.eval(f"{by_testid('question-yes')}.click()")
     await page.wait_for(f"{by_testid(BREAKER)}.textContent === 'ON' && !{STRUCK}", LONG_S)
 
 

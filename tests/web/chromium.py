@@ -37,6 +37,8 @@ START_S = 120.0
 WAIT_S = 60.0  # met, it costs nothing
 #: A screenshot is a large message.
 MAX_MESSAGE_BYTES = 64 * 2**20
+#: Character of a key with a name.
+NAMED_KEYS = {"Enter": "\r", "Tab": "\t", "Escape": "\x1b"}
 #: What Chromium answers while a page changes its document.
 NAVIGATED = "Inspected target navigated or closed"
 
@@ -188,8 +190,8 @@ class Page:
         return str(await self.eval(f"{by_testid(testid)}.textContent"))
 
     async def press(self, key: str) -> None:
-        """Press and release a key: a letter, or Enter."""
-        text = "\r" if key == "Enter" else key
+        """Press and release a key: a character, Enter, Tab or Escape."""
+        text = NAMED_KEYS.get(key, key)
         code = {"key": key, "windowsVirtualKeyCode": ord(text.upper())}
         await self.command("Input.dispatchKeyEvent", type="keyDown", text=text, **code)
         await self.command("Input.dispatchKeyEvent", type="keyUp", **code)

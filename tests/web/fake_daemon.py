@@ -344,7 +344,7 @@ class FakeDaemon:
 
     muted : topics that are not sent; at first that of an unconfirmed source
     change_health, change_integrity : may rewrite each message
-    solution : fields of the navigation solution that are other ones
+    changes : fields of outputs that are other ones, by topic
     breakers : states of those that are not on, while an emulator plays the sensors; None: there is none
     alarms : what keeps its alarms, as the supervisor does
     lead_s : how much of the approach has been flown at the start; path : of the socket, None for a temporary one
@@ -356,7 +356,7 @@ class FakeDaemon:
         self.muted: set[str] = {PROVISIONAL}
         self.change_health: Callable[[dict[str, Any]], None] = lambda health: None
         self.change_integrity: Callable[[dict[str, Any]], dict[str, Any]] = lambda fields: fields
-        self.solution: dict[str, Any] = {}
+        self.changes: dict[str, dict[str, Any]] = {}
         self.breakers: dict[str, str] | None = None
         self._navigation: Publisher | None = None
         self._lead_s = lead_s
@@ -414,8 +414,7 @@ class FakeDaemon:
             fields = asdict(output)
             if topic == "/nav/clearance_integrity":
                 fields = self.change_integrity(fields)
-            if topic == "/nav/nav_solution":
-                fields = {**fields, **self.solution}
+            fields |= self.changes.get(topic, {})
             if navigation and topic not in self.muted:
                 navigation.publish(topic, encode_with_age(fields, t_ns, t_ns + 4_000_000, MAX_AGE_MS))
             if navigation and not self.muted & {topic, BUS_ALARMS}:

@@ -14,6 +14,7 @@ import pytest
 
 from fti.bus.message import encode
 from fti.messages.topics import BUS_ALARMS
+from fti.reason_texts import REASONS
 from tests.alarm_cases import CASES, Daemon, daemon_with
 from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
@@ -24,6 +25,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.e2e]
 WITHOUT_KEY = "view only; to control: fti page"
 WRONG_KEY = "the key is old; to control: fti page"
 LASER = "height-laser_altimeter"
+SOLUTION = "/nav/nav_solution"
 MAY_COMMAND = f"!{by_testid('mark-text')}.hidden"
 FRESH = f"document.body?.className === '' && {by_testid('origin')}?.textContent === 'HIL'"
 #: Whose browser it is.
@@ -93,27 +95,106 @@ async def test_values_change_and_nothing_comes_from_outside(page: Page, display:
     assert page.problems == []
 
 
+SIZES = ((1024, 768), (1280, 800), (1440, 900), (1920, 1080))
+PANELS = ("heights", "integrity", "glide", "attitude")
+
+
 async def test_it_stands_on_one_screen_and_a_narrow_one_scrolls_down_only(page: Page) -> None:
-    for width, height in ((1440, 900), (1920, 1080)):
+    for width, height in SIZES[1:]:
         await page.resize(width, height)
         assert await page.eval("document.documentElement.scrollHeight") == height
         assert await page.eval("document.documentElement.scrollWidth") == width
         assert await page.eval(CUT_OFF) == []
-    await page.resize(1024, 768)
-    assert await page.eval("document.documentElement.scrollWidth") == 1024
+    for width in (1024, 760, 360):
+        await page.resize(width, 768)
+        assert await page.eval("document.documentElement.scrollWidth") == width
 
 
-#: Instruments that hide a part of themselves; cells of the attitude that need a second line; empty validities.
+@pytest.mark.parametrize("breakers", [None, {"radar_altimeter": "tripped"}])
+async def test_all_instruments_stand_on_one_screen(
+    page: Page, daemon: FakeDaemon, tmp_path: Path, breakers: dict[str, str] | None
+) -> None:
+    """On the smallest one, too, with alarms, and in the laboratory."""
+    await raise_alert(daemon, page)
+    daemon.breakers = breakers
+    await page.wait_for(f"document.getElementById('laboratory').hidden === {'true' if breakers is None else 'false'}")
+    for width, height in SIZES:
+        await page.resize(width, height)
+        boxes = await page.eval(
+            f"{list(PANELS)}.map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
+        )
+        for panel, box in zip(PANELS, boxes, strict=True):
+            assert 0 <= box["left"] < box["right"] <= width, panel
+            assert 0 <= box["top"] < box["bottom"] <= height, panel
+            assert box["width"] > 250, panel
+            assert box["height"] > 250, panel
+        assert await page.eval(HIDDEN_PARTS) == []
+        await page.screenshot(tmp_path / f"instruments_{width}.png")
+
+
+#: Sizes on the screen [px] of all texts that one can see, by the text, if they are below 14.
+SMALL_TEXTS = """[...document.querySelectorAll('body *')].filter((e) =>
+    [...e.childNodes].some((n) => n.nodeType === Node.TEXT_NODE && n.data.trim()) && e.checkVisibility()
+    || e.matches('input, select, button')).map((e) => {
+  const matrix = e instanceof SVGElement ? e.getScreenCTM() : { a: 1, b: 0 };
+  return [e.textContent || e.placeholder, parseFloat(getComputedStyle(e).fontSize) * Math.hypot(matrix.a, matrix.b)];
+}).filter(([, size]) => size < 13.99)"""
+
+#: Records the sizes of the texts that are written on a canvas from now on.
+WATCH_CANVAS = """(() => {
+    const write = CanvasRenderingContext2D.prototype.fillText;
+    window.canvasTexts = {};
+    CanvasRenderingContext2D.prototype.fillText = function (text, ...where) {
+        canvasTexts[text] = parseFloat(this.font.match(/([\\d.]+)px/)[1]) / devicePixelRatio;
+        write.call(this, text, ...where);
+    };
+})()"""
+
+
+async def test_no_text_is_smaller_than_14_pixels(page: Page, daemon: FakeDaemon, display: DisplayProcess) -> None:
+    """With everything that the page can show."""
+    display.send("UsableDevices", devices=[*CATALOGUE, PDU])
+    display.send("CommandProgress", **make_request("k1", 1, "waiting", "waiting"))
+    daemon.breakers = {"radar_altimeter": "tripped"}
+    daemon.change_health = make_clocks
+    daemon.muted.discard(PROVISIONAL)
+    await raise_alert(daemon, page)
+    daemon.publish_event("info", "mark", "approach 3")
+    await page.eval(WATCH_CANVAS)
+    await page.wait_for(shows("device-ins-gps-state", "not used"))
+    await page.eval(f"{by_testid('alarm-more')}.click()")
+    await page.wait_for(f"{by_testid('breaker-gnss')} && canvasTexts['approach 3']")
+    for width, height in (*SIZES, (360, 640)):
+        await page.resize(width, height)
+        assert await page.eval(SMALL_TEXTS) == []
+        await page.press("c")
+        assert await page.eval(SMALL_TEXTS) == []
+        await page.press("c")
+    await page.press("?")
+    assert await page.eval(SMALL_TEXTS) == []
+    sizes = await page.eval("canvasTexts")
+    assert {text for text in sizes if text[-1].isdigit() and ":" not in text}, "the axes of values"
+    assert min(sizes.values()) >= 14
+
+
+#: Instruments that hide a part of themselves; texts that are cut off or shortened; cells that need a second line.
 HIDDEN_PARTS = """[
-    ...[...document.querySelectorAll('main .panel')].filter((e) => e.scrollHeight > e.clientHeight),
-    ...[...document.querySelectorAll('#attitude dt')].filter((e) => e.clientHeight > 20),
-    ...[...document.querySelectorAll('main .validity')].filter((e) => e.textContent && e.clientHeight < 10),
-    ...[...document.querySelectorAll('.below .big')].filter((e) => e.scrollWidth > e.clientWidth),
+    ...[...document.querySelectorAll('main .panel, .sensors, .fallbacks')]
+        .filter((e) => e.scrollHeight > e.clientHeight),
+    ...[...document.querySelectorAll('main :is(.panel, .panel :not(svg, svg *))')]
+        .filter((e) => e.scrollWidth > e.clientWidth && e.clientWidth),
+    ...[...document.querySelectorAll('.motion dt')].filter((e) => e.clientHeight > 20),
+    ...[...document.querySelectorAll('main .validity')].filter((e) => e.textContent && e.offsetHeight < 10),
 ].map((e) => e.id || e.textContent)"""
 
 
 async def test_a_small_screen_hides_no_part_of_an_instrument(page: Page, daemon: FakeDaemon) -> None:
-    daemon.solution = {"hpl": 1066.0, "vpl": 120.0, "heading_pl": math.radians(179.0), "tilt_pl": math.radians(12.0)}
+    daemon.changes[SOLUTION] = {
+        "hpl": 1066.0,
+        "vpl": 120.0,
+        "heading_pl": math.radians(179.0),
+        "tilt_pl": math.radians(12.0),
+    }
     await page.resize(1280, 800)
     await page.wait_for(f"{by_testid('attitude-lon-sd')}.textContent === 'HPL 1066 · VPL 120'")
     assert await page.eval("document.documentElement.scrollHeight") == 800
@@ -123,11 +204,57 @@ async def test_a_small_screen_hides_no_part_of_an_instrument(page: Page, daemon:
     assert await page.eval(HIDDEN_PARTS) == []
 
 
+#: The longest text first.
+REASONS_BY_LENGTH = sorted(REASONS, key=lambda reason: -len(REASONS[reason]))
+HEIGHTS = ("/nav/height_below_aircraft", *(f"/nav/height_above_ground/{n}_altimeter" for n in ("laser", "radar")))
+REASON_PLACES = (
+    *("height-below-validity", f"{LASER}-validity", "height-radar_altimeter-validity"),
+    *("glide-validity", "attitude-validity", "integrity-reasons"),
+    *("fallback-filter-validity", "fallback-vertical-validity", "fallback-fix-validity"),
+)
+
+
+def is_cut_off(testid: str) -> str:
+    """Whether the text of an element reaches beyond a box that hides it, beyond its panel or behind another text."""
+    return f"""(() => {{
+        const e = {by_testid(testid)};
+        const range = document.createRange();
+        range.selectNodeContents(e);
+        const text = range.getBoundingClientRect();
+        const style = getComputedStyle(e);
+        if (style.textOverflow === 'ellipsis' || style.webkitLineClamp !== 'none') return true;
+        for (let box = e.parentElement; box.id !== 'attitude' && box.tagName !== 'MAIN'; box = box.parentElement) {{
+            const outer = box.getBoundingClientRect();
+            if (text.left < outer.left || text.right > outer.right + 1) return true;
+            if (text.top < outer.top - 3 || text.bottom > outer.bottom + 3) return true;
+        }}
+        return false;
+    }})()"""
+
+
+async def test_the_longest_reasons_fit_their_place(page: Page, daemon: FakeDaemon, tmp_path: Path) -> None:
+    one, two = REASONS_BY_LENGTH[:1], REASONS_BY_LENGTH[:2]
+    for topic in (*HEIGHTS, "/nav/filter_solution", "/nav/vertical_solution", "/nav/position_fix"):
+        daemon.changes[topic] = {"valid": False, "reasons": one}
+    daemon.changes["/nav/glide_slope"] = {"valid": False, "reasons": two}
+    daemon.changes[SOLUTION] = {"valid": False, "reasons": two, "attitude_valid": False, "attitude_reasons": one}
+    daemon.changes[SOLUTION] |= {"position_source": "radio", "altitude_source": "vertical", "hpl": 1066.0, "vpl": 120.0}
+    daemon.change_integrity = lambda fields: fields | {"state": "unavailable", "reasons": two, "valid": False}
+    words = REASONS[one[0]]
+    await page.wait_for(" && ".join(shows(place, words) for place in REASON_PLACES))
+    for width, height in SIZES:
+        await page.resize(width, height)
+        assert [place for place in REASON_PLACES if await page.eval(is_cut_off(place))] == [], width
+        assert await page.eval(HIDDEN_PARTS) == [], width
+        await page.screenshot(tmp_path / f"reasons_{width}.png")
+
+
 #: Numbers that reach beyond their panel, remarks that are shortened, panels that hide a part of what is in them.
 CUT_OFF = """[
-    ...[...document.querySelectorAll('b, dd, td.number, span.ground, .fallbacks span')].filter((e) =>
-        e.getBoundingClientRect().right > e.closest('.panel, #banner').getBoundingClientRect().right),
-    ...[...document.querySelectorAll('.sensor span, h2 .note')].filter((e) => e.scrollWidth > e.clientWidth),
+    ...[...document.querySelectorAll(':is(.panel, #banner) :is(b, dd, td.number, .ground, .fallbacks span)')]
+        .filter((e) => e.getBoundingClientRect().right > e.closest('.panel, #banner').getBoundingClientRect().right),
+    ...[...document.querySelectorAll('.sensor span, h2 .note')]
+        .filter((e) => e.scrollWidth > e.clientWidth && e.clientWidth),
     ...[...document.querySelectorAll('.panel')].filter((e) => e.scrollHeight > e.clientHeight),
 ].map((e) => e.id || e.textContent)"""
 
@@ -159,7 +286,13 @@ async def test_what_takes_the_place_of_devices_is_reported_and_a_known_attitude_
     assert await page.text("fallback-fix-validity") == "no DME ranges, geometry gives no position"
     by_radio = {"position_source": "radio", "altitude_source": "radio", "horizontal_sd": 222.0}
     by_radio |= {"hpl": 1066.0, "unchecked": ["nothing_to_compare"]}
-    daemon.solution = {**by_radio, "valid": False, "reasons": ["no_velocity"], "vel_north": None, "vel_down": None}
+    daemon.changes[SOLUTION] = {
+        **by_radio,
+        "valid": False,
+        "reasons": ["no_velocity"],
+        "vel_north": None,
+        "vel_down": None,
+    }
     await page.wait_for(f"{by_testid('attitude-sources')}.textContent === 'pos radio · att ins'")
     assert await page.text("attitude-validity") == "no velocity"
     assert await page.text("attitude-lat-sd") == "± 222 m"
@@ -176,13 +309,13 @@ async def test_the_attitude_shows_its_protection_level_and_whether_it_is_valid(p
     assert await page.text("attitude-state") == "ATT VALID"
     levels = [await page.text(f"attitude-{name}-sd") for name in ("roll", "pitch", "heading")]
     assert levels == ["PL 0.4", "PL 0.4", "PL 6.4"]
-    daemon.solution = {"attitude_unchecked": ["nothing_to_compare"], "tilt_pl": math.radians(4.8)}
+    daemon.changes[SOLUTION] = {"attitude_unchecked": ["nothing_to_compare"], "tilt_pl": math.radians(4.8)}
     await page.wait_for(f"{by_testid('attitude-state')}.textContent === 'ATT UNCHECKED'")
     assert await page.text("attitude-roll-sd") == "PL 4.8"
     assert await page.eval("document.querySelector('.cells .roll .sd').classList.contains('unchecked')")
     assert await page.eval(f"{by_testid('attitude-state')}.title") == "nothing to compare with"
     why = {"reasons": ["attitude_level"], "attitude_reasons": ["attitude_level"]}
-    daemon.solution = {"valid": False, "attitude_valid": False, **why, "tilt_pl": math.radians(3.36)}
+    daemon.changes[SOLUTION] = {"valid": False, "attitude_valid": False, **why, "tilt_pl": math.radians(3.36)}
     await page.wait_for(f"{by_testid('attitude-state')}.textContent === 'ATT NOT VALID'")
     assert await page.text("attitude-validity") == "attitude protection level above alert limit"
     daemon.muted.add("/nav/nav_solution")
@@ -191,10 +324,10 @@ async def test_the_attitude_shows_its_protection_level_and_whether_it_is_valid(p
 
 async def test_the_height_below_has_the_vertical_protection_level_beside_it(page: Page, daemon: FakeDaemon) -> None:
     assert await page.text("height-below-vpl") == "alt VPL 20 m"
-    daemon.solution = {"vpl": 44.2, "unchecked": ["nothing_to_compare"]}
+    daemon.changes[SOLUTION] = {"vpl": 44.2, "unchecked": ["nothing_to_compare"]}
     await page.wait_for(f"{by_testid('height-below-vpl')}.textContent === 'alt VPL 44 m'")
     assert await page.eval(f"{by_testid('height-below-vpl')}.classList.contains('unchecked')")
-    daemon.solution = {"vpl": None}
+    daemon.changes[SOLUTION] = {"vpl": None}
     await page.wait_for(f"{by_testid('height-below-vpl')}.textContent === ''")
 
 
@@ -528,7 +661,7 @@ SIDE_BY_SIDE = """[...document.querySelectorAll('tr.clock div')].every((line) =>
         range.selectNodeContents(e);
         return range.getBoundingClientRect();
     });
-    return boxes.every((box, i) => i === 0 || box.left >= boxes[i - 1].right);
+    return boxes.every((box, i) => i === 0 || box.left >= boxes[i - 1].right || box.top >= boxes[i - 1].bottom - 2);
 })"""
 
 
@@ -686,6 +819,49 @@ async def test_plots_of_one_history_go_on_each_by_itself(page: Page) -> None:
     assert await page.eval(SHARED_HISTORY) == [[3.5, 7], [3.5, 7]]
 
 
+#: Four flat lines of a plot as one sees them without colours: height of the line, and number of its pieces in 300 px.
+CURVES = """
+(async () => {
+  const [{ HistoryPlot }, { seriesOf }] = await Promise.all([import("/plot.js"), import("/heights.js")]);
+  const place = document.createElement("div");
+  place.style = "position: fixed; inset: 0 auto auto 0; width: 600px; height: 300px; z-index: 99";
+  document.body.append(place);
+  const series = seriesOf(["a", "b"]);
+  const t = Array.from({ length: 600 }, (_, i) => i / 5);
+  const plot = new HistoryPlot(place, { series, digits: 0, range: () => [0, 50] });
+  plot.plot.setSize({ width: 600, height: 300 });
+  plot.load({ t, series: Object.fromEntries(series.map(({ key }, i) => [key, t.map(() => 8 + 10 * i)])) });
+  await new Promise((resolve) => setTimeout(resolve));
+  const { ctx } = plot.plot;
+  const isDrawn = (x, y) => ctx.getImageData(x, y, 1, 1).data[3] > 100 && ctx.getImageData(x, y, 1, 1).data[0] > 60;
+  const curves = series.map((_, i) => {
+    const y = Math.round(plot.plot.valToPos(8 + 10 * i, "y", true));
+    const along = Array.from({ length: 300 }, (_, x) => isDrawn(150 + x, y));
+    const column = 150 + along.indexOf(true);
+    const width = Array.from({ length: 11 }, (_, dy) => isDrawn(column + 1, y - 5 + dy)).filter(Boolean).length;
+    return [width, along.filter((on, x) => on && !along[x - 1]).length];
+  });
+  place.remove();
+  return curves;
+})()
+"""
+
+
+async def test_the_curves_of_the_heights_differ_without_their_colours(page: Page) -> None:
+    raw_a, height_a, raw_b, height_b = await page.eval(CURVES)
+    assert height_a[1] == 1, "one piece"
+    assert height_b[1] > 5, "dashes"
+    assert raw_a[1] > raw_b[1] + 10 > height_b[1] + 20, "dots, near and far"
+    assert height_a[0] > height_b[0]
+    names = [f"height-{name}_altimeter-{kind}" for name in ("laser", "radar") for kind in ("line", "raw-line")]
+    paths = ", ".join(f"{by_testid(name)}.firstChild" for name in names)
+    style = "[getComputedStyle(e).strokeDasharray, getComputedStyle(e).strokeWidth]"
+    legend = await page.eval(f"[{paths}].map((e) => {style})")
+    assert len({tuple(line) for line in legend}) == len(names)
+    assert legend[0][0] == "none"
+    assert "," in legend[2][0]
+
+
 PDU = {
     "name": "pdu",
     "driver": "power_unit",
@@ -720,7 +896,10 @@ async def test_the_laboratory_is_there_with_its_emulator_and_struck_out_without(
     assert page.problems == []
 
 
-async def test_a_breaker_is_pressed_once_and_a_refusal_is_reported(
+QUESTION = f"{by_testid('question')}.open"
+
+
+async def test_a_breaker_asks_and_is_switched_once_and_a_refusal_is_reported(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
     daemon.breakers = {"radar_altimeter": "tripped"}
@@ -728,19 +907,127 @@ async def test_a_breaker_is_pressed_once_and_a_refusal_is_reported(
     button = by_testid("breaker-radar_altimeter")
     await page.wait_for(f"{button} && !{button}.disabled")
     await page.eval(f"for (let i = 0; i < 3; i += 1) {button}.click()")
+    assert await page.text("question-title") == "Reset tripped breaker radar altimeter?"
+    await page.eval(f"for (let i = 0; i < 3; i += 1) {by_testid('question-yes')}.click()")
     request_sent = (await asyncio.to_thread(display.read_message))["PageCommand"]
     assert request_sent == {
         "device": "pdu",
         "command": "reset",
         "args": {"breaker": "radar_altimeter"},
         "id": request_sent["id"],
-        "who": pwd.getpwuid(os.getuid()).pw_name,
+        "who": ME,
     }
-    await page.wait_for(f"{button}.disabled")
+    await page.wait_for(f"{button}.disabled && !{QUESTION}")
     refused = make_request(request_sent["id"], 1, "refused", "refused after 2 ms: it is hot", args=request_sent["args"])
     display.send("CommandProgress", **refused)
     await page.wait_for(shows("laboratory-said", "radar altimeter: refused after 2 ms: it is hot"))
     await page.wait_for(f"!{button}.disabled")
-    await page.eval(f"{by_testid('breaker-gnss')}.click()")
+    await page.eval(f"{by_testid('breaker-gnss')}.focus()")
+    for key in ("Enter", "Tab", "Enter"):  # the question begins on CANCEL
+        await page.press(key)
     request_sent = (await asyncio.to_thread(display.read_message))["PageCommand"]
     assert (request_sent["command"], request_sent["args"]) == ("off", {"breaker": "gnss"})
+
+
+async def test_a_breaker_is_not_switched_without_consent_or_when_its_state_has_changed(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess
+) -> None:
+    daemon.breakers = {}
+    display.send("UsableDevices", devices=[PDU])
+    button = by_testid("breaker-radar_altimeter")
+    await page.wait_for(f"{button} && !{button}.disabled")
+    for answer in ("Enter", "Escape"):
+        await page.eval(f"{button}.focus()")
+        await page.press("Enter")
+        await page.wait_for(QUESTION)
+        assert await page.text("question-title") == "Switch off breaker radar altimeter?"
+        await page.press("m")  # keys wait for the answer
+        assert await page.eval(f"document.activeElement === {by_testid('question-no')}")
+        await page.press(answer)
+        await page.wait_for(f"!{QUESTION} && document.activeElement === {button}")
+    await page.press("Enter")
+    await page.wait_for(QUESTION)
+    daemon.breakers = {"radar_altimeter": "tripped"}
+    await page.wait_for(f"!{QUESTION}")
+    await page.eval(f"{button}.click()")
+    await page.wait_for(QUESTION)
+    display.process.send_signal(signal.SIGSTOP)
+    await page.wait_for(f"!{QUESTION} && document.body.classList.contains('disconnected')")
+    display.process.send_signal(signal.SIGCONT)
+    await page.wait_for(FRESH)
+    display.control.setblocking(False)
+    with pytest.raises(BlockingIOError):
+        display.control.recv(1)
+
+
+FOCUSED = "document.activeElement.dataset.testid ?? document.activeElement.tagName"
+
+
+async def test_tab_begins_with_the_alarms_and_ends_with_the_breakers(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess
+) -> None:
+    daemon.breakers = {}
+    display.send("UsableDevices", devices=[*CATALOGUE, PDU])
+    await raise_alert(daemon, page)
+    await page.wait_for(f"!{by_testid('commands-open')}.hidden && {by_testid('breaker-gnss')}?.disabled === false")
+    order: list[str] = []
+    while len(order) < 30 and (not order or order[-1] != "BODY"):
+        await page.press("Tab")
+        order.append(await page.eval(FOCUSED))
+        outline = "getComputedStyle(document.activeElement).outlineStyle"
+        assert order[-1] == "BODY" or await page.eval(outline) == "solid", order
+    controls = ["alarm-integrity_alert", "alarm-more", "acknowledge", "tone", "keys-open"]
+    assert order[: len(controls)] == controls
+    rest = [name for name in order if name.startswith(("commands", "mark", "breaker"))]
+    assert rest[:3] == ["commands-open", "mark-text", "mark-button"]
+    assert all(name.startswith("breaker-") for name in rest[3:])
+    assert len(rest) == 9
+
+
+async def test_keys_open_and_close_and_do_nothing_while_one_types(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess
+) -> None:
+    listed = f"{by_testid('keys')}.open"
+    await page.press("c")  # no device takes commands
+    assert await page.eval("document.getElementById('commands').hidden")
+    display.send("UsableDevices", devices=CATALOGUE)
+    await raise_alert(daemon, page)
+    await page.wait_for(f"!{by_testid('commands-open')}.hidden")
+    await page.press("?")
+    assert await page.eval(listed)
+    keys = "[...document.querySelectorAll('kbd')].map((e) => e.textContent)"
+    assert set(await page.eval(keys)) == {"?", "Esc", "a", "m", "c"}
+    await page.press("a")  # the list is open
+    for key in ("?", "?", "Escape"):
+        await page.press(key)
+    assert not await page.eval(listed)
+    await page.press("c")
+    assert await page.eval(f"document.activeElement === {by_testid('commands-device')}")
+    await page.press("c")  # it is typed
+    assert await page.eval("document.getElementById('links').hidden")
+    await page.press("Escape")
+    assert await page.eval("document.getElementById('commands').hidden && !document.getElementById('links').hidden")
+    await page.eval(f"{by_testid('alarm-more')}.click()")
+    await page.press("m")
+    for key in "acm?":
+        await page.press(key)
+    assert await page.eval(f"{by_testid('mark-text')}.value") == "acm?"
+    await page.press("Escape")
+    assert await page.eval("document.activeElement === document.body")
+    assert not await page.eval(f"{by_testid('alarm-list')}.hidden")  # it leaves the field only
+    await page.press("Escape")
+    assert await page.eval(f"{by_testid('alarm-list')}.hidden")
+    await page.press("a")
+    assert await asyncio.to_thread(display.read_message) == {"PageAcknowledgement": {"alarm_id": None, "who": ME}}
+
+
+async def test_the_field_of_a_mark_comes_to_a_small_screen(page: Page, display: DisplayProcess) -> None:
+    await page.resize(1024, 768)
+    await page.press("m")
+    box = await page.eval(f"{by_testid('mark-text')}.getBoundingClientRect().toJSON()")
+    assert 0 < box["top"] < box["bottom"] < 768
+    await page.press("Enter")
+    assert await asyncio.to_thread(display.read_message) == mark("mark")
+    await page.wait_for(shows("mark-answer", "marked"))
+    assert await page.eval("scrollY") == 0
+    await page.wait_for("!document.querySelector('.mark.called')")

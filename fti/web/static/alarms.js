@@ -20,8 +20,8 @@ function times(alarm, tNs) {
 }
 
 export class Alarms {
-  // command : sends a command to the daemon, resolves to a fault or null
-  constructor(root, command) {
+  // command : sends a command to the daemon, resolves to a fault or null; keys : of the page
+  constructor(root, command, keys) {
     this.command = command;
     this.tone = new Tone();
     this.quiet = h("p", { class: "quiet", "data-testid": "no-alarms" }, "NO ALARMS");
@@ -29,13 +29,14 @@ export class Alarms {
     this.tiles = new Keyed(tiles, (id) => new Tile(id, () => this.#acknowledge(id)));
     this.fault = h("span", { class: "alarm-fault", "data-testid": "alarm-fault" });
     this.more = h("button", { type: "button", "data-testid": "alarm-more", "aria-expanded": "false" });
-    this.more.addEventListener("click", () => this.#toggleList());
+    this.more.addEventListener("click", () => this.#openList(this.list.hidden));
     this.button = h("button", { type: "button", "data-testid": "acknowledge", title: "key a" }, "ACKNOWLEDGE");
     this.button.addEventListener("click", () => this.#acknowledge(null));
-    this.side = h("div", { class: "alarm-side" }, this.fault, this.more, this.button, this.tone.button);
+    this.side = h("div", { class: "alarm-side" }, this.more, this.button, this.tone.button, keys.button);
     this.list = h("ol", { class: "alarm-list", "data-testid": "alarm-list", hidden: "" });
-    root.append(this.quiet, tiles, this.side, this.list);
-    addEventListener("keydown", (event) => this.#onKey(event));
+    root.append(this.quiet, tiles, this.fault, this.side, this.list);
+    keys.add("a", "acknowledge all alarms", () => this.#acknowledge(null));
+    keys.closeOnEscape(this.list, () => this.#openList(false));
     this.permitted = false;
   }
 
@@ -53,21 +54,17 @@ export class Alarms {
     for (const alarm of shown) tiles.get(alarm.id).show(alarm, tNs);
     setText(this.more, `${alarms.length} ${alarms.length === 1 ? "ALARM" : "ALARMS"}`);
     this.more.hidden = alarms.length === 0;
-    if (!alarms.length) this.list.hidden = true;
+    if (!alarms.length) this.#openList(false);
     if (!this.list.hidden) this.list.replaceChildren(...alarms.map((alarm) => makeItem(alarm, tNs)));
     this.last = { alarms, t_ns: tNs };
     this.tone.sound(alarms.some((alarm) => alarm.severity === "warning" && isLasting(alarm) && isNew(alarm)));
   }
 
-  #toggleList() {
-    this.list.hidden = !this.list.hidden;
-    setAttribute(this.more, "aria-expanded", !this.list.hidden);
-    if (this.last) this.show(this.last);
-  }
-
-  #onKey(event) {
-    const isTyping = event.target instanceof HTMLElement && event.target.matches("input, textarea, select");
-    if (event.key === "a" && !isTyping && !event.ctrlKey && !event.altKey && !event.metaKey) this.#acknowledge(null);
+  #openList(open) {
+    if (open === !this.list.hidden) return;
+    this.list.hidden = !open;
+    setAttribute(this.more, "aria-expanded", open);
+    if (open && this.last) this.show(this.last);
   }
 
   async #acknowledge(id) {
@@ -79,7 +76,7 @@ export class Alarms {
 class Tile {
   constructor(id, press) {
     [this.title, this.cause, this.times] = [h("strong"), h("span"), h("small")];
-    this.root = h("div", { class: "tile", "data-testid": `alarm-${id}` }, this.title, this.cause, this.times);
+    this.root = h("button", { type: "button", class: "tile", "data-testid": `alarm-${id}` }, this.title, this.cause, this.times);
     this.root.addEventListener("click", press);
   }
 

@@ -9,6 +9,7 @@ import { Events } from "./events.js";
 import { Glide } from "./glide.js";
 import { Heights } from "./heights.js";
 import { Integrity } from "./integrity.js";
+import { Keys } from "./keys.js";
 import { Laboratory } from "./laboratory.js";
 import { Devices, Links } from "./tables.js";
 
@@ -18,19 +19,20 @@ const place = (id) => document.getElementById(id);
 let connection = null;
 const command = (fields) => connection?.command(fields) ?? Promise.resolve("no connection");
 
+const keys = new Keys();
 const links = new Links(place("links"));
 const panels = [
   new Banner(place("banner")),
-  new Alarms(place("alarms"), command),
+  new Alarms(place("alarms"), command, keys),
   new Laboratory(place("laboratory"), command),
   new Heights(place("heights")),
   new Integrity(place("integrity")),
   new Glide(place("glide")),
   new Attitude(place("attitude")),
   links,
-  new Commands(place("commands"), links, command),
+  new Commands(place("commands"), links, command, keys),
   new Devices(place("devices")),
-  new Events(place("events"), command),
+  new Events(place("events"), command, keys),
 ];
 
 function onMessage(message) {

@@ -9,9 +9,10 @@ const TOPIC = "/nav/nav_solution";
 // Sources that are not devices.
 const NO_DEVICE = ["filter", "radio", "vertical"];
 const PER_DEGREE = 5.2; // drawing units
-const HEADING_STEP = 4.2;
-const TOP = -135; // of the drawing
-const TAPE = 108; // top of the heading tape
+const HEIGHT = 270; // of the drawing; its width follows the place
+const TEXT_PX = 14; // of the numbers, whatever the size of the drawing
+const HEADING_STEP = 5; // [px] per degree
+const TAPE_PX = 26; // height of the heading tape
 const KNOT = 1852 / 3600;
 const FOOT = 0.3048;
 
@@ -24,12 +25,18 @@ export class Attitude {
     this.sources = side;
     setAttribute(side, "data-testid", "attitude-sources");
     this.fallbacks = new Fallbacks();
-    const cells = Object.values(this.cells);
-    this.values = cells.map((cell) => cell.value);
+    this.values = Object.values(this.cells).map((cell) => cell.value);
+    const list = (kind, names) => h("dl", { class: `cells ${kind}` }, ...names.map((name) => this.cells[name].root));
     setAttribute(this.cells.alt.root, "title", "above the ellipsoid WGS84, and one sigma");
     this.state = h("span", { class: "state", "data-testid": "attitude-state" });
-    const picture = h("div", { class: "picture" }, this.horizon.root, this.state);
-    root.append(heading, this.validity, picture, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)), this.fallbacks.root);
+    root.append(
+      heading,
+      h("div", { class: "verdicts" }, this.validity, " ", this.state),
+      h("div", { class: "picture" }, this.horizon.root),
+      list("motion", ["roll", "pitch", "heading", "speed", "climb", "alt"]),
+      list("position", ["lat", "lon"]),
+      this.fallbacks.root,
+    );
   }
 
   show({ outputs }) {
@@ -43,7 +50,6 @@ export class Attitude {
     setText(this.cells.lat.sd, metres(output?.horizontal_sd));
     this.showLevels(output ?? {});
     setText(this.sources, sourcesOf(output ?? {}));
-    setAttribute(this.sources, "title", this.sources.textContent);
     setClass(this.sources, "no-device", NO_DEVICE.some((name) => [output?.position_source, output?.attitude_source, output?.altitude_source].includes(name)));
     this.fallbacks.show(outputs);
   }
@@ -107,7 +113,7 @@ const CELLS = [
 function makeCell(name, label, unit) {
   const value = h("b", { "data-testid": `attitude-${name}` }, UNKNOWN);
   const sd = h("span", { class: "sd", "data-testid": `attitude-${name}-sd` });
-  return { root: h("div", { class: name }, h("dt", {}, label, sd), h("dd", {}, value, h("span", { class: "unit" }, unit))), value, sd };
+  return { root: h("div", { class: name }, h("dt", {}, label), h("dd", {}, value, h("span", { class: "unit" }, unit)), sd), value, sd };
 }
 
 function read(output) {
@@ -132,20 +138,35 @@ class Horizon {
     this.ladder = svg("g", { class: "ladder" }, ...makeLadder());
     this.bankMark = svg("path", { class: "bank-mark", d: "M0 -112 l-8 14 h16 Z" });
     this.tape = svg("g", { class: "tape" }, ...makeTape());
-    const clip = svg("clipPath", { id: "horizon-clip" }, svg("rect", { x: -150, y: TOP, width: 300, height: 270, rx: 8 }));
-    const ladderClip = svg("clipPath", { id: "ladder-clip" }, svg("rect", { x: -150, y: -82, width: 300, height: 182 }));
-    const tapeClip = svg("clipPath", { id: "tape-clip" }, svg("rect", { x: -150, y: TAPE, width: 300, height: 27 }));
+    this.window = svg("rect", { x: -150, y: -82, width: 300 }); // of the ladder: between bank scale and tape
+    // The tape is drawn in pixels, from the middle of the lower edge.
+    this.foot = svg(
+      "g",
+      {},
+      svg("rect", { class: "tape-face", x: -2000, y: -TAPE_PX, width: 4000, height: TAPE_PX }),
+      this.tape,
+      svg("path", { class: "lubber", d: `M0 ${-TAPE_PX + 4} l-7 -11 h14 Z` }),
+    );
     this.root = svg(
       "svg",
-      { class: "horizon", viewBox: `-150 ${TOP} 300 270`, role: "img", "aria-label": "artificial horizon" },
-      svg("defs", {}, clip, ladderClip, tapeClip),
-      svg("g", { "clip-path": "url(#horizon-clip)" }, this.world, svg("g", { class: "bank-scale" }, ...makeBankScale()), this.bankMark),
+      { class: "horizon", role: "img", "aria-label": "artificial horizon" },
+      svg("defs", {}, svg("clipPath", { id: "ladder-clip" }, this.window)),
+      svg("g", {}, this.world, svg("g", { class: "bank-scale" }, ...makeBankScale()), this.bankMark),
       svg("g", { class: "rungs", "clip-path": "url(#ladder-clip)" }, this.ladder),
       svg("path", { class: "aircraft", d: "M-78 0 h42 v9 M78 0 h-42 v9 M-4 -4 h8 v8 h-8 Z" }),
-      svg("g", { "clip-path": "url(#tape-clip)" }, svg("rect", { class: "tape-face", x: -150, y: TAPE, width: 300, height: 27 }), this.tape),
-      svg("path", { class: "lubber", d: "M0 112 l-7 -11 h14 Z" }),
+      this.foot,
       svg("g", { class: "flag" }, svg("path", { d: "M-150 -135 L150 135 M150 -135 L-150 135" }), svg("rect", { x: -46, y: -22, width: 92, height: 44, rx: 3 }), svg("text", { y: 11 }, "ATT")),
     );
+    new ResizeObserver(([{ contentRect }]) => this.#fit(contentRect)).observe(this.root);
+  }
+
+  #fit({ width, height }) {
+    if (!height) return;
+    const pixel = HEIGHT / height; // in units of the drawing
+    setAttribute(this.root, "viewBox", `${(-width / 2) * pixel} ${-HEIGHT / 2} ${width * pixel} ${HEIGHT}`);
+    setAttribute(this.foot, "transform", `translate(0 ${HEIGHT / 2}) scale(${pixel})`);
+    setAttribute(this.window, "height", 82 + HEIGHT / 2 - (TAPE_PX + 8) * pixel);
+    this.root.style.setProperty("--text", `${TEXT_PX * pixel}px`);
   }
 
   show(output) {
@@ -165,9 +186,9 @@ class Horizon {
 
 function makeWorld() {
   return [
-    svg("rect", { class: "sky", x: -400, y: -900, width: 800, height: 900 }),
-    svg("rect", { class: "ground", x: -400, y: 0, width: 800, height: 900 }),
-    svg("path", { class: "horizon-line", d: "M-400 0 H400" }),
+    svg("rect", { class: "sky", x: -900, y: -900, width: 1800, height: 900 }),
+    svg("rect", { class: "ground", x: -900, y: 0, width: 1800, height: 900 }),
+    svg("path", { class: "horizon-line", d: "M-900 0 H900" }),
   ];
 }
 
@@ -178,7 +199,7 @@ function makeLadder() {
     const y = -angle * PER_DEGREE;
     const half = angle % 10 === 0 ? 34 : 17;
     parts.push(svg("path", { class: "rung", d: `M${-half} ${y} H${half}` }));
-    if (angle % 10 === 0) for (const x of [-46, 46]) parts.push(svg("text", { x, y: y + 4 }, String(Math.abs(angle))));
+    if (angle % 10 === 0) for (const side of [-1, 1]) parts.push(svg("text", { class: side < 0 ? "left" : "", x: side * 39, y }, String(Math.abs(angle))));
   }
   return parts;
 }
@@ -193,8 +214,8 @@ function makeTape() {
   const parts = [];
   for (let angle = -60; angle <= 420; angle += 5) {
     const x = angle * HEADING_STEP;
-    parts.push(svg("path", { d: `M${x} ${TAPE} v${angle % 10 === 0 ? 6 : 4}` }));
-    if (angle % 10 === 0) parts.push(svg("text", { x, y: TAPE + 22 }, nameOf((angle + 360) % 360)));
+    parts.push(svg("path", { d: `M${x} ${-TAPE_PX} v${angle % 10 === 0 ? 6 : 4}` }));
+    if (angle % 10 === 0) parts.push(svg("text", { x, y: -5 }, nameOf((angle + 360) % 360)));
   }
   return parts;
 }

@@ -8,8 +8,8 @@ import { h, panelTitle, setAttribute, setText } from "./dom.js";
 const ANSWER_TIMEOUT_MS = 15000; // longer than the timeout of the daemon
 
 export class Commands {
-  // links : the panel that this one replaces; command : sends a command to the daemon, resolves to a fault or null
-  constructor(root, links, command) {
+  // links : the panel that this one replaces; command : sends a command to the daemon, resolves to a fault or null; keys : of the page
+  constructor(root, links, command, keys) {
     this.root = root;
     this.links = links;
     this.command = command;
@@ -26,6 +26,8 @@ export class Commands {
     heading.append(closer);
     this.answers = h("ol", { class: "scroll", "data-testid": "commands-answers" });
     root.append(heading, h("div", { class: "commands" }, this.#makeForm(), this.answers));
+    keys.add("c", "open or close the commands to devices, if a link may transmit", () => this.#open(this.root.hidden));
+    keys.closeOnEscape(root, () => this.#open(false));
   }
 
   #makeForm() {
@@ -47,8 +49,10 @@ export class Commands {
   }
 
   #open(open) {
+    if (this.opener.hidden || open === !this.root.hidden) return;
     this.root.hidden = !open;
     this.links.root.hidden = open;
+    (open ? this.device : this.opener).focus();
   }
 
   take({ devices, requests }) {

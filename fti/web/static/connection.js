@@ -1,6 +1,7 @@
 // The WebSocket: reconnects for ever, detects silence, sends the commands of the page.
 
 import { clock } from "./format.js";
+import { closeDialogs } from "./dialog.js";
 import { takeKey } from "./key.js";
 import { setClass, setText } from "./dom.js";
 
@@ -84,6 +85,7 @@ export class Connection {
     setClass(document.body, "disconnected", lost);
     setClass(document.body, "stopped", this.stopped);
     if (!lost) return;
+    closeDialogs();
     setText(document.getElementById("no-connection-title"), this.stopped ? "STOPPED" : "NO CONNECTION TO THE DAEMON");
     setText(document.getElementById("no-connection-text"), this.#since());
   }

@@ -5,9 +5,9 @@ import { h, panelTitle } from "./dom.js";
 import { MarkField } from "./marks.js";
 
 export class Events {
-  constructor(root, command) {
+  constructor(root, command, keys) {
     this.list = h("ol", { class: "scroll", "data-testid": "events" });
-    this.marks = new MarkField(command);
+    this.marks = new MarkField(command, keys);
     root.append(panelTitle("Events").root, this.marks.root, this.list);
     this.shown = "";
   }

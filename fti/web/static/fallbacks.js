@@ -53,5 +53,5 @@ function makeRow(topic) {
   const [id, name] = NAMES[topic] ?? [`provisional-${source}`, source];
   const sd = h("span", { class: "sd", "data-testid": `fallback-${id}-sd` });
   const validity = h("span", { class: "validity", "data-testid": `fallback-${id}-validity` });
-  return { root: h("div", { "data-testid": `fallback-${id}` }, h("strong", {}, name), sd, validity), sd, validity };
+  return { root: h("div", { "data-testid": `fallback-${id}` }, h("strong", {}, name), " ", sd, " ", validity), sd, validity };
 }

@@ -18,15 +18,16 @@ export class Glide {
     this.dh = figure("height above path", "glide-dh", "m", "large");
     this.distance = figure("to intercept point", "glide-distance", "m");
     this.offset = figure("right of track", "glide-offset", "m");
-    this.dhNav = figure("above path, navigation", "glide-dh-nav", "m");
-    this.words = h("p", { class: "fly", "data-testid": "glide-words" });
+    this.dhNav = figure("above path, nav", "glide-dh-nav", "m");
+    this.words = h("span", { class: "fly", "data-testid": "glide-words" });
     this.validity = h("span", { class: "validity", "data-testid": "glide-validity" });
     this.plotPlace = h("div", { class: "plot", "data-testid": "glide-plot" });
     const figures = [this.deviation, this.dh, this.distance, this.offset, this.dhNav];
     this.values = figures.flatMap((f) => [f.value, f.sd]);
     root.append(
-      panelTitle("Glide slope", "deviation from the published path").root,
-      h("div", { class: "glide-top" }, this.scale.root, h("div", { class: "figures" }, this.validity, this.words, ...figures.map((f) => f.root))),
+      panelTitle("Glide slope").root,
+      h("div", { class: "verdicts" }, this.validity, " ", this.words),
+      h("div", { class: "glide-top" }, this.scale.root, h("div", { class: "figures" }, ...figures.map((f) => f.root))),
       this.plotPlace,
     );
     const series = [{ key: `${TOPIC}:deviation`, color: "#e05cff", scale: TO_DEGREES }];

@@ -2,7 +2,7 @@
 // and their history.
 
 import { fixed, isNumber, plusMinus, title } from "./format.js";
-import { h, Keyed, panelTitle, setAttribute, setClass, setText } from "./dom.js";
+import { h, Keyed, panelTitle, setAttribute, setClass, setText, svg } from "./dom.js";
 import { marksOf } from "./marks.js";
 import { HistoryPlot } from "./plot.js";
 import { showValidity } from "./validity.js";
@@ -10,18 +10,29 @@ import { showValidity } from "./validity.js";
 const PREFIX = "/nav/height_above_ground/";
 const BELOW = "/nav/height_below_aircraft";
 const SOLUTION = "/nav/nav_solution";
-const COLOURS = ["#4cc9f0", "#f0a6ff", "#ffd23f", "#7ae582"];
+// Lines of the altimeters: their dashes differ as their colours do.  The first is broad, so that it stays visible below the
+// others; the dots of the raw ranges are as broad as their line and wider apart with each altimeter.
+const LINES = [
+  { color: "#4cc9f0", width: 4, dash: [] },
+  { color: "#f0a6ff", width: 2, dash: [12, 5] },
+  { color: "#ffd23f", width: 2, dash: [12, 4, 2, 4] },
+  { color: "#7ae582", width: 2, dash: [5, 4] },
+];
 
-// The first is broad, so that it stays visible below the others.
-const widthOf = (place) => (place === 0 ? 4 : 1.5);
+const lineOf = (place) => LINES[place % LINES.length];
+const rawLineOf = (place) => ({ color: lineOf(place).color, width: 1.5, dash: [1.5, 4 + 4 * (place % LINES.length)] });
 
-const colourOf = (place) => COLOURS[place % COLOURS.length];
+export const seriesOf = (topics) =>
+  topics.flatMap((topic, place) => [
+    { key: `${topic}:raw`, ...rawLineOf(place) },
+    { key: `${topic}:height_agl`, ...lineOf(place) },
+  ]);
 
 export class Heights {
   constructor(root) {
     this.list = h("div", { class: "sensors" });
     this.plotPlace = h("div", { class: "plot", "data-testid": "heights-plot" });
-    const { root: heading } = panelTitle("Height above ground", "line straight below · dots raw");
+    const { root: heading } = panelTitle("Height above ground");
     this.below = new Below();
     root.append(heading, this.below.root, this.list, this.plotPlace);
     this.rows = new Keyed(this.list, (topic) => new Sensor(topic));
@@ -39,7 +50,7 @@ export class Heights {
     if (topics.join() !== this.topics.join()) this.#arrange(topics);
     this.below.show(outputs[BELOW], outputs[SOLUTION]);
     const rows = this.rows.sync(topics);
-    topics.forEach((topic, place) => rows.get(topic).show(outputs[topic], colourOf(place)));
+    topics.forEach((topic, place) => rows.get(topic).show(outputs[topic], place));
     if (this.plot) this.plot.marks = marksOf(events);
     if (this.plot && tNs) this.plot.add(tNs / 1e9, topics.flatMap((topic) => plotted(outputs[topic])));
   }
@@ -48,11 +59,7 @@ export class Heights {
     this.topics = topics;
     this.list.dataset.count = topics.length;
     if (this.plot) this.history = this.plot.close();
-    const series = topics.flatMap((topic, place) => [
-      { key: `${topic}:raw`, color: colourOf(place), dash: [2, 4], width: 1 },
-      { key: `${topic}:height_agl`, color: colourOf(place), width: widthOf(place) },
-    ]);
-    this.plot = new HistoryPlot(this.plotPlace, { series, digits: 0, range });
+    this.plot = new HistoryPlot(this.plotPlace, { series: seriesOf(topics), digits: 0, range });
     if (this.history) this.plot.load(this.history);
   }
 }
@@ -70,12 +77,26 @@ function plotted(output) {
 // The nearest return and the range predicted from terrain, or why it is unknown.
 function overGround(output) {
   if (!isNumber(output.nearest)) return uncheckedOf(output);
-  const predicted = isNumber(output.predicted) ? `, terrain predicts ${fixed(output.predicted, 1)}` : "";
+  const predicted = isNumber(output.predicted) ? `, predicted ${fixed(output.predicted, 1)}` : "";
   return `nearest ${fixed(output.nearest, 1)} ${plusMinus(output.nearest_sd, 1)}${predicted}`;
 }
 
 function uncheckedOf(output) {
   return (output.unchecked_text ?? []).join(", ");
+}
+
+// Legend: a piece of a line of the plot.
+class LineSample {
+  constructor(testid) {
+    this.path = svg("path", { d: "M0 4 H30" });
+    this.root = svg("svg", { class: "line-sample", viewBox: "0 0 30 8", "aria-hidden": "true", "data-testid": testid }, this.path);
+  }
+
+  show({ color, width, dash }) {
+    setAttribute(this.path, "stroke", color);
+    setAttribute(this.path, "stroke-width", width);
+    setAttribute(this.path, "stroke-dasharray", dash.join(" ") || "none");
+  }
 }
 
 class Below {
@@ -89,7 +110,7 @@ class Below {
       "div",
       { class: "below" },
       h("div", { class: "label" }, h("strong", {}, "Below the aircraft"), this.source, this.validity),
-      h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), h("span", { class: "bounds" }, this.sd, this.level)),
+      h("div", { class: "big" }, h("span", {}, this.value, h("span", { class: "unit" }, "m")), h("span", { class: "bounds" }, this.sd, this.level)),
     );
   }
 
@@ -116,30 +137,33 @@ class Sensor {
   constructor(topic) {
     const name = topic.slice(PREFIX.length);
     const id = `height-${name}`;
-    this.swatch = h("i", { class: "swatch" });
+    this.line = new LineSample(`${id}-line`);
+    this.rawLine = new LineSample(`${id}-raw-line`);
     this.value = h("b", { "data-testid": `${id}-agl` }, "–");
     this.sd = h("span", { class: "sd" });
     this.raw = h("b", { "data-testid": `${id}-raw` }, "–");
-    this.ground = h("span", { class: "ground", "data-testid": `${id}-ground` });
+    this.ground = h("span", { class: "ground", title: "nearest return, and the range predicted from terrain [m]", "data-testid": `${id}-ground` });
     this.remark = h("span", { class: "remark", "data-testid": `${id}-remark` });
     this.validity = h("span", { class: "validity", "data-testid": `${id}-validity` });
     this.root = h(
       "div",
       { class: "sensor", "data-testid": id },
-      h("div", { class: "label" }, h("strong", {}, this.swatch, title(name)), this.remark, this.validity),
+      h("div", { class: "label" }, h("strong", {}, this.line.root, title(name)), this.validity),
       h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), this.sd),
-      h("div", { class: "raw" }, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m")),
+      h("div", { class: "raw" }, this.rawLine.root, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m")),
       this.ground,
+      this.remark,
     );
   }
 
-  show(output, colour) {
-    this.swatch.style.background = colour;
+  show(output, place) {
+    this.line.show(lineOf(place));
+    this.rawLine.show(rawLineOf(place));
     setText(this.value, fixed(output.height_agl, 1));
     setText(this.sd, plusMinus(output.sd, 1));
     setText(this.raw, fixed(output.raw, 1));
     setText(this.ground, overGround(output));
-    setText(this.remark, isNumber(output.predicted) ? uncheckedOf(output) : "");
+    setText(this.remark, output.valid && isNumber(output.predicted) ? uncheckedOf(output) : "");
     showValidity(output, [this.value, this.sd, this.raw], this.validity);
   }
 }

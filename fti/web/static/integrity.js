@@ -21,10 +21,8 @@ export class Integrity {
     this.block = h("div", { class: "state-block", "data-state": "none" }, this.word, this.text);
     this.tests = TESTS.map(([id, short, name]) => new Test(id, short, name));
     this.estimates = makeEstimates();
-    const { root: heading, side } = panelTitle("Clearance integrity");
-    this.reference = side;
     const bars = h("div", { class: "tests" }, ...this.tests.map((test) => test.root));
-    root.append(heading, this.block, bars, h("dl", { class: "estimates" }, ...this.estimates.map((e) => e.root)));
+    root.append(panelTitle("Clearance integrity").root, this.block, bars, h("dl", { class: "estimates" }, ...this.estimates.map((e) => e.root)));
   }
 
   show({ outputs }) {
@@ -33,7 +31,6 @@ export class Integrity {
     this.#showState(output, kind, text);
     for (const test of this.tests) test.show(output?.[`${test.id}_ratio`], kind === "stale");
     for (const estimate of this.estimates) estimate.show(output ?? {}, kind === "stale");
-    setText(this.reference, output?.reference ? `reference ${output.reference.slice(0, 8)}` : "");
   }
 
   #showState(output, kind, validity) {
@@ -93,6 +90,7 @@ function makeEstimates() {
     new Estimate("window", "window", "m", (o) => interval(o.s_begin, o.s_end)),
     new Estimate("protection / alert, along", "alert-s", "m", (o) => levels(o.protection_level_s, o.alert_limit_s, 0)),
     new Estimate("same, vertical", "alert-v", "m", (o) => levels(o.protection_level_v, o.alert_limit_v, 1)),
+    new Estimate("reference profile", "reference", "", (o) => o.reference?.slice(0, 8) || UNKNOWN),
   ];
 }
 

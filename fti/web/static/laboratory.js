@@ -2,12 +2,18 @@
 
 import { age, fixed, isNumber, title } from "./format.js";
 import { h, Keyed, panelTitle, setAttribute, setClass, setText } from "./dom.js";
+import { Question } from "./dialog.js";
 import { makeNumber } from "./commands.js";
 
 const UNIT = "power_unit"; // driver of the device that takes the commands
 const PRESS = { on: "off", starting: "off", brown_out: "off", off: "on", tripped: "reset" }; // state to command
+const QUESTIONS = {
+  off: ["Switch off breaker", "It loses its power and sends nothing until it is switched on again.", "SWITCH OFF"],
+  on: ["Switch on breaker", "It gets power and starts; requests and commands sent to it before are lost.", "SWITCH ON"],
+  reset: ["Reset tripped breaker", "It gets power and starts; requests and commands sent to it before are lost.", "RESET"],
+};
 const WORDS = { on: "ON", starting: "STARTS", off: "OFF", tripped: "TRIPPED", brown_out: "LOW V" };
-const MAX_LARGE = 9; // devices, with rate and count; more are shown in small
+const MAX_LARGE = 9; // devices, with their rates; more are shown on one line each
 const ANSWER_TIMEOUT_MS = 15000; // longer than the timeout of the daemon
 const MESSAGE_MS = 6000; // how long a refusal is shown
 
@@ -18,6 +24,8 @@ export class Laboratory {
     this.command = command;
     this.unit = null;
     this.permitted = false;
+    this.question = new Question();
+    this.asked = null; // {name, command} of the open question
     this.requests = new Map(); // breaker by request number
     const part = (testid, tag = "span") => h(tag, { "data-testid": `laboratory-${testid}` });
     [this.scenario, this.time, this.faults, this.message] = ["scenario", "time", "faults", "said"].map((id) => part(id));
@@ -60,6 +68,8 @@ export class Laboratory {
   }
 
   #showBreakers({ devices, faults, late }) {
+    const { asked } = this;
+    if (asked && (late || PRESS[devices[asked.name]?.breaker] !== asked.command)) this.question.withdraw();
     const names = Object.keys(devices);
     const items = this.breakers.sync(names);
     setClass(this.root, "many", names.length > MAX_LARGE);
@@ -86,15 +96,26 @@ export class Laboratory {
     setAttribute(this.holds, "title", why.join("\n"));
   }
 
-  // One request for each press: the button is disabled until the request has ended.
+  // The question is withdrawn when the state of the breaker changes meanwhile.
   async #press(name) {
-    const { button, state } = this.breakers.items.get(name);
+    if (this.asked) return;
+    const command = PRESS[this.breakers.items.get(name).state];
+    const [what, effect, action] = QUESTIONS[command];
+    this.asked = { name, command };
+    const agreed = await this.question.ask(`${what} ${title(name)}?`, effect, action);
+    this.asked = null;
+    if (agreed) await this.#send(name, command);
+  }
+
+  // One request for each press: the button is disabled until the request has ended.
+  async #send(name, command) {
+    const { button } = this.breakers.items.get(name);
     const request = makeNumber();
     this.requests.set(request, name);
     button.disabled = true;
     setTimeout(() => this.requests.delete(request), ANSWER_TIMEOUT_MS);
     const args = { breaker: name };
-    const fault = await this.command({ command: "send", device: this.unit, name: PRESS[state], args, request });
+    const fault = await this.command({ command: "send", device: this.unit, name: command, args, request });
     if (fault && this.requests.delete(request)) this.#showMessage(`${title(name)}: ${fault}`);
   }
 
@@ -118,8 +139,7 @@ class Breaker {
     this.state = breaker;
     setAttribute(this.root, "data-state", breaker ?? "none");
     setAttribute(this.root, "data-faulty", faults.some((kind) => kind !== "breaker" && kind !== "brown_out"));
-    const sent = WORDS[breaker] && breaker !== "on" ? "" : ` · ${messages.toLocaleString("en")}`;
-    setText(this.note, words.length ? words.join(", ") : `${fixed(rate, rate % 1 ? 1 : 0)} Hz${sent}`);
+    setText(this.note, words.length ? words.join(", ") : `${fixed(rate, rate % 1 ? 1 : 0)} Hz`);
     setAttribute(this.root, "title", [`${title(this.name)} on ${link}: ${messages} messages sent`, ...words].join("\n"));
     this.button.hidden = breaker === null;
     this.button.disabled = !usable;

@@ -1,6 +1,6 @@
 // Marks: the field that sets a mark (key m) or triggers a snapshot, and the marks in the events, for the plots.
 
-import { h, setText } from "./dom.js";
+import { h, setClass, setText } from "./dom.js";
 
 const LONGEST = 200;
 const SHOWN_MS = 4000;
@@ -11,10 +11,10 @@ export const marksOf = (events) =>
   events.filter(({ source }) => source === "mark" || source === "trigger").map(({ t_ns: tNs, text }) => ({ t: tNs / 1e9, text }));
 
 export class MarkField {
-  // command : sends a command to the daemon, resolves to the reason of a refusal or to null
-  constructor(command) {
+  // command : sends a command to the daemon, resolves to the reason of a refusal or to null; keys : of the page
+  constructor(command, keys) {
     this.command = command;
-    this.input = h("input", { type: "text", maxlength: LONGEST, placeholder: "mark (press m)", "aria-label": "text of the mark", autocomplete: "off", "data-testid": "mark-text" });
+    this.input = h("input", { type: "text", maxlength: LONGEST, placeholder: "mark (m)", "aria-label": "text of the mark", autocomplete: "off", "data-testid": "mark-text" });
     this.button = h("button", { type: "submit", "data-testid": "mark-button" }, "MARK");
     this.trigger = h("button", { type: "button", class: "trigger", title: "record the data around this moment", "data-testid": "snapshot-button" }, "SNAPSHOT");
     this.viewOnly = h("p", { class: "view-only", title: WHY, "data-testid": "view-only" });
@@ -27,15 +27,20 @@ export class MarkField {
       this.#send("mark");
     });
     this.trigger.addEventListener("click", () => this.#send("snapshot"));
-    this.input.addEventListener("keydown", (event) => event.key === "Escape" && this.input.blur());
-    document.addEventListener("keydown", (event) => this.#onKey(event));
+    this.root.addEventListener("focusout", ({ relatedTarget }) => this.#settle(relatedTarget));
+    keys.add("m", "set a mark: opens its field; Enter sets it", () => this.#call());
   }
 
-  #onKey(event) {
-    const typing = event.target.closest?.("input, textarea, select");
-    if (event.key !== "m" || typing || this.input.hidden || event.ctrlKey || event.metaKey || event.altKey) return;
-    event.preventDefault();
-    this.input.focus();
+  // On a small screen the field comes to the bottom of the window, so that the instruments stay visible.
+  #call() {
+    if (this.input.hidden) return;
+    setClass(this.root, "called", true);
+    this.input.focus({ preventScroll: true });
+  }
+
+  // It returns to its place when it has neither the focus nor an answer to show.
+  #settle(focused) {
+    if (!this.answer.textContent && !this.root.contains(focused)) setClass(this.root, "called", false);
   }
 
   // fault : why this page may not command, or null
@@ -62,14 +67,17 @@ export class MarkField {
     this.input.value = "";
     const fault = await this.command({ command, text });
     if (fault) this.input.value = text;
-    else this.input.blur();
     this.#showMessage(fault ?? DONE[command], fault ? "fault" : "done");
+    if (!fault) this.input.blur();
   }
 
   #showMessage(text, level) {
     this.answer.dataset.level = level;
     setText(this.answer, text);
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => setText(this.answer, ""), SHOWN_MS);
+    this.timer = setTimeout(() => {
+      setText(this.answer, "");
+      this.#settle(document.activeElement);
+    }, SHOWN_MS);
   }
 }

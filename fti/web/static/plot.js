@@ -9,7 +9,9 @@ const SPAN_S = 120;
 const MARK_COLOUR = "#e8eef4";
 const LONGEST_LABEL = 18;
 const LANES = 3; // of labels, chosen by the second of the mark, so that none jumps
-const AXIS = { stroke: "#8fa1b3", font: "11px B612", grid: { stroke: "#1d2936", width: 1 }, ticks: { show: false } };
+const FONT_PX = 14;
+const FONT = `${FONT_PX}px B612`;
+const AXIS = { stroke: "#8fa1b3", font: FONT, grid: { stroke: "#1d2936", width: 1 }, ticks: { show: false } };
 
 export class HistoryPlot {
   // series : [{key, color, dash?, width?, scale?}], scale : factor on the values; range : (min, max) => [min, max]
@@ -29,11 +31,11 @@ export class HistoryPlot {
       legend: { show: false },
       cursor: { show: false },
       hooks: { draw: [(plot) => drawMarks(plot, this.marks)] },
-      padding: [6, 26, 0, 0],
+      padding: [8, 34, 0, 0],
       scales: { x: { time: false, auto: false }, y: { range: (_, min, max) => range(min, max) } },
       axes: [
-        { ...AXIS, size: 24, gap: 8, space: 70, incrs: [30, 60], values: (_, splits) => splits.map((t) => clock(t * 1e9)) },
-        { ...AXIS, size: 44, gap: 4, space: 28, values: (_, splits) => splits.map((v) => fixed(v, digits)) },
+        { ...AXIS, size: 26, gap: 8, space: 80, incrs: [30, 60, 120], values: (_, splits) => splits.map((t) => clock(t * 1e9)) },
+        { ...AXIS, size: 48, gap: 4, space: 28, values: (_, splits) => splits.map((v) => fixed(v, digits)) },
       ],
       series: [{}, ...this.series.map(lineOf)],
     };
@@ -94,7 +96,7 @@ function drawMarks(plot, marks) {
   ctx.beginPath();
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
-  ctx.font = `${11 * devicePixelRatio}px B612`;
+  ctx.font = `${FONT_PX * devicePixelRatio}px B612`;
   ctx.strokeStyle = ctx.fillStyle = MARK_COLOUR;
   ctx.lineWidth = devicePixelRatio;
   ctx.setLineDash([5 * devicePixelRatio, 3 * devicePixelRatio]);
@@ -108,7 +110,7 @@ function drawMarks(plot, marks) {
     const label = text.length > LONGEST_LABEL ? `${text.slice(0, LONGEST_LABEL - 1)}…` : text;
     const right = x + ctx.measureText(label).width + 6 * devicePixelRatio < bbox.left + bbox.width;
     ctx.textAlign = right ? "left" : "right";
-    ctx.fillText(label, x + (right ? 4 : -4) * devicePixelRatio, bbox.top + (12 + 14 * (Math.floor(t) % LANES)) * devicePixelRatio);
+    ctx.fillText(label, x + (right ? 4 : -4) * devicePixelRatio, bbox.top + (14 + 17 * (Math.floor(t) % LANES)) * devicePixelRatio);
   }
   ctx.restore();
 }
