@@ -108,6 +108,7 @@ WITH_BREAKERS = [
 LIVE = [
     Run("fti preflight configs/bench.toml", r"GO +everything", words=DEMO),
     Run("fti page", r"http://127\.0\.0\.1:\d+/#key=", more="--print"),
+    Run("fti page --print", r"http://127\.0\.0\.1:\d+/#key="),
     Run("fti watch", r"radalt_line +good", more="--once"),
     Run('fti mark "begin of approach 3"', r"marked at "),
     Run('fti mark --trigger "flutter"', r"triggered at "),
