@@ -103,7 +103,8 @@ def _roles(config: Config, outputs: State) -> Iterator[GoItem]:
         if is_go := bool(navigation.get(f"{prefix}valid")) and not navigation["late"]:
             text = f"from {navigation[f'{role}_source']}"
         else:
-            text = ", ".join(navigation.get(f"{prefix}reasons_text", ())) or "late"
+            reasons = ", ".join(navigation.get(f"{prefix}reasons_text", ())) or "late"
+            text = f"{reasons}; none is valid of {', '.join(getattr(config.nav, role))}"
         yield GoItem(role, is_go, text)
     for name in config.nav.altimeters:
         height = outputs.get(f"/nav/height_above_ground/{name}")

@@ -1,6 +1,7 @@
 """``fti export``: tables with units, whole or not there."""
 
 import csv
+import io
 import json
 import signal
 import subprocess
@@ -227,6 +228,31 @@ def test_a_full_medium_leaves_no_half_table(folder: SessionFolder, tmp_path: Pat
     with pytest.raises(StorageError, match=r"raw_\w+.csv: cannot be written: No space left on device"):
         export(Recording.open(folder.path), tmp_path / "t", Format(".csv", FullTable), ExportSelection(raw=True))
     assert list((tmp_path / "t").iterdir()) == []
+
+
+def test_a_full_medium_of_the_waiting_rows_is_an_error(
+    folder: SessionFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("tempfile.TemporaryFile", lambda dir: io.FileIO("/dev/full", "r+"))
+    assert export(folder, tmp_path / "t") == 2
+    *_, error = capsys.readouterr().err.splitlines()
+    assert error == f"fti: {tmp_path}: cannot be written: No space left on device"
+    assert list((tmp_path / "t").iterdir()) == []
+
+
+def test_each_file_is_read_once(folder: SessionFolder, tmp_path: Path) -> None:
+    from fti.logger.export.csv_table import CSV
+    from fti.logger.export.selection import ExportSelection
+    from fti.logger.export.tables import export
+    from fti.logger.reading.recording import Recording
+
+    recording = Recording.open(folder.path)
+    sizes = {path: path.stat().st_size for path in recording.files}
+    positions = dict[Path, list[int]]()
+    recording.on_read = lambda path, position: positions.setdefault(path, []).append(position)
+    assert export(recording, tmp_path / "t", CSV, ExportSelection())
+    assert {path: found[-1] for path, found in positions.items()} == sizes
+    assert all(found == sorted(found) for found in positions.values())
 
 
 def test_an_interrupt_leaves_no_half_table(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ CHANGES: dict[str, tuple[Callable[[State], object], str, str]] = {
     "position": (
         lambda s: s["outputs"]["/nav/nav_solution"].update(valid=False, reasons_text=["no position"]),
         "position",
-        "no position",
+        "no position; none is valid of ins, gnss, autopilot, ahrs",
     ),
     "attitude": (
         lambda s: s["outputs"]["/nav/nav_solution"].update(attitude_valid=False, attitude_reasons_text=["late"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import types
 import typing
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
@@ -103,11 +104,11 @@ class ColumnFinder:
         self._stated = types_of_class(cls) if (cls := class_of(topic)) else {}
         self._types: dict[str, set[type]] = {}
 
-    def add(self, message: Any) -> int:
-        """Add a JSON message; returns the number of new columns."""
+    def add(self, cells: Mapping[str, Any]) -> int:
+        """Add the cells of a message; returns the number of new columns."""
         found = self._types
         before = len(found)
-        for name, value in flatten(message).items():
+        for name, value in cells.items():
             kind = float if type(value) is int and abs(value) > MAX_INT64 else type(value)
             if name in found:
                 found[name].add(kind)

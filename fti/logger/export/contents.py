@@ -1,4 +1,4 @@
-"""The messages of a recording for its tables: each once, and the columns of each topic."""
+"""The messages of a recording for its tables: each once, their rows, and the columns of each topic."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fti.errors import RecordingError
-from fti.logger.export.columns import ColumnFinder
+from fti.logger.export.columns import ColumnFinder, flatten
+from fti.logger.export.row_spool import JsonRow, RowSpool
 from fti.logger.export.selection import ExportSelection
 from fti.logger.reading.event_copies import EventCopies
 from fti.logger.reading.json_message import parse_json
@@ -22,21 +23,26 @@ JSON = "json"
 
 @dataclass(slots=True)
 class Contents:
-    """Result of the first reading.
+    """Result of reading the messages.
 
     start_ns : time of the first message of all [ns]
-    tables   : columns and number of rows, by topic;  links : number of frames, by topic
+    tables   : columns, by topic;  links : topics of frames
     measured : time of the last recorded measurement [ns], by topic, of the devices whose frames are decoded
     """
 
     start_ns: int | None = None
-    tables: dict[str, tuple[ColumnFinder, int]] = field(default_factory=dict)
-    links: dict[str, int] = field(default_factory=dict)
+    tables: dict[str, ColumnFinder] = field(default_factory=dict)
+    links: set[str] = field(default_factory=set)
     measured: dict[str, int] = field(default_factory=dict)
 
 
-def find_contents(recording: Recording, selection: ExportSelection, measured: Container[str]) -> Contents:
-    """Read all messages.  measured : topics of measurements that are decoded from frames"""
+def find_contents(
+    recording: Recording, selection: ExportSelection, measured: Container[str], rows: RowSpool
+) -> Contents:
+    """Read all messages.
+
+    measured : topics of measurements that are decoded from frames;  rows : gets those of the selected other topics
+    """
     contents, states = Contents(), NoteStates()
     columns = 0
     for item in read_items(recording):
@@ -45,16 +51,17 @@ def find_contents(recording: Recording, selection: ExportSelection, measured: Co
         if item.topic.encoding == JSON and topic in measured:
             contents.measured[topic] = max(contents.measured.get(topic, 0), item.log_time)
         elif item.topic.encoding == JSON:
-            finder, count = contents.tables.get(topic) or (ColumnFinder(topic), 0)
+            finder = contents.tables.setdefault(topic, ColumnFinder(topic))
             if selection.matches(topic):
-                columns += finder.add(parse_item(item, states))
-            contents.tables[topic] = finder, count + 1
+                cells = flatten(parse_item(item, states))
+                columns += finder.add(cells)
+                rows.add(JsonRow(topic, (item.log_time, item.publish_time), cells))
             check_topic_count(len(contents.tables), recording.path)
             if columns > MAX_COLUMNS:
                 text = f"with this topic the tables have more than {MAX_COLUMNS} columns"
                 raise RecordingError(f"{recording.path}: {topic}: {text}")
         elif selection.raw and topic.startswith((RAW_PREFIX, SENT_PREFIX)):
-            contents.links[topic] = contents.links.get(topic, 0) + 1
+            contents.links.add(topic)
     return contents
 
 

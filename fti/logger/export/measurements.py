@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Protocol
 
 from fti.logger.derived_log import Decimator
+from fti.logger.export.columns import flatten
 from fti.logger.export.contents import parse_item
 from fti.logger.export.measurement_rows import MeasurementRows
 from fti.logger.export.recorded_measurements import RecordedMeasurements
+from fti.logger.export.row_spool import JsonRow
 from fti.logger.export.selection import ExportSelection, TimeWindow
 from fti.logger.export.topic_tables import Tables
 from fti.logger.reading.mcap_file import McapMessage
@@ -75,7 +77,8 @@ class MeasurementWriter:
         if topic not in self._kinds:
             return
         self._begin(topic.split("/")[1], self._kinds[topic])
-        self._tables.write_json(item, parse_item(item, NoteStates()))
+        cells = flatten(parse_item(item, NoteStates()))
+        self._tables.write_found(JsonRow(topic, (item.log_time, item.publish_time), cells))
 
     def _begin(self, device: str, kind: type) -> tuple[str, MeasurementRows]:
         topic = measurement_topic(device, kind)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from fti.logger.export.angles import AngleColumns
-from fti.logger.export.columns import Column, Type, cell, flatten
+from fti.logger.export.columns import Column, Type, cell
 from fti.logger.export.names import table_names
+from fti.logger.export.row_spool import JsonRow
 from fti.logger.export.selection import TimeWindow
 from fti.logger.export.table_files import TableFiles
-from fti.logger.reading.mcap_file import McapMessage
 
 TIMES = (
     Column("log_time_ns", Type.INT, "ns", nullable=False),
@@ -82,8 +82,6 @@ class Tables:
             self._angles[topic].convert(cells)
         self._sink.write(topic, times, cells)
 
-    def write_json(self, item: McapMessage, content: Any) -> None:
-        """Add a message as a row."""
-        found = flatten(content)
-        cells = [cell(found.get(column.name), column.type) for column in self.columns[item.topic.name]]
-        self.write(item.topic.name, (item.log_time, item.publish_time), cells)
+    def write_found(self, row: JsonRow) -> None:
+        """Add the row of a message; cells that it does not have are unknown."""
+        self.write(row.topic, row.times, [cell(row.cells.get(c.name), c.type) for c in self.columns[row.topic]])
