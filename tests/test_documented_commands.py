@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.documented_commands import mentions, page_targets, printed_commands, unknown_words
@@ -89,6 +90,11 @@ WITHOUT_DAEMON = [
         r"profile\.png",
         words={"map.png": "profile.png"},
     ),
+    Run("fti terrain spectrum N47E011.hgt --at 47.9,11.8 --radius 5000 --speed 60", r"heights +waves of \d+ m"),
+    Run(
+        "fti terrain spectrum N47E011.hgt --at 47.9,11.8 --radius 5000 --speed 60 --out spectrum.png", r"spectrum\.png"
+    ),
+    Run("fti hil template --out mine.toml", r"mine\.toml"),
     Run("fti study --list", r"slant_range +Slant range"),
     Run("fti examples", r"research_aircraft"),
     Run("fti examples copy all configs", r"copies/demo\.toml", words={"configs": "copies"}),
@@ -253,7 +259,7 @@ def user(tmp_path_factory: pytest.TempPathFactory) -> UserFolder:
     demo.write_text(with_free_ports(demo.read_text()) + "\n[snapshot]\nbefore_s = 10\nafter_s = 1\n")
     (folder / "my_aircraft.toml").symlink_to(demo)
     (folder / "my_scenario.toml").symlink_to(folder / "configs" / "scenarios" / "silence.toml")
-    write_hgt(folder, lambda lat, lon: 500.0 + 1000.0 * (lat - 47.5) + 500.0 * (lon - 11.5))
+    write_hgt(folder, lambda lat, lon: 500.0 + 50.0 * np.sin(400.0 * lat) + 500.0 * (lon - 11.5))
     for name, step in (("dsm_1m.tif", 1.0), ("dsm_2m.tif", 2.0)):
         write_ground(folder / name, lambda lat, lon: 600.0 + 500.0 * (lat - 47.9), "EPSG:25832", 200, step)
     return user

@@ -1,12 +1,15 @@
-"""Show the contents of elevation files, and plot them.
+"""Show the contents of elevation files, plot them, and analyse their spectrum.
 
 Reads GeoTIFF, DTED (.dt0 .dt1 .dt2), SRTM (.hgt) and all other formats of GDAL, in any coordinate system, many files
 and resolutions at once.  ``info`` prints for each file its size, coordinates, post spacing in metres, vertical datum
 with its source, lowest and highest height, holes and coverage; then the layers of the combined terrain, the seams, and
 the resampling error of each layer.  ``plot`` draws that terrain: relief, hatched holes, seams, source files.
+``spectrum`` prints which waves of the finest layer carry its heights and slopes, how often a sensor has to sample them
+at a speed, and the correlation length.
 
   fti terrain info N47E011.hgt N47E012.hgt
   fti terrain info dsm_1m.tif srtm.hgt --vertical dsm_1m.tif=egm96 --json
+  fti terrain spectrum dsm_1m.tif --vertical egm96 --at 47.9,11.8 --radius 2000 --speed 60 --out spectrum.png
   fti terrain plot *.dt2 --at 47.9,11.8 --radius 5000 --out map.png
   fti terrain plot dsm_1m.tif srtm.hgt --vertical egm96 --out map.svg --profile 47.90,11.75/47.90,11.85
 
@@ -28,10 +31,12 @@ from fti.cli._printing import print_json, print_line, print_lines
 
 Place = tuple[float, float]
 LENGTH = number(MIN_POSITIVE, 1e6, "a length above 0 and up to 1000000 m")
+SPEED = number(MIN_POSITIVE, 1e4, "a speed above 0 and up to 10000 m/s")
+SHARE = number(0.01, 0.999, "a share of 0.01 to 0.999")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Two actions."""
+    """Three actions."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     info = actions.add_parser("info", help="print the files and the layers of the terrain")
     _add_files(info)
@@ -44,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     plot.add_argument(
         "--profile", type=_line, metavar="LAT,LON/LAT,LON", help="also plot the profile between two points [deg]"
     )
+    spectrum = actions.add_parser("spectrum", help="print the spectrum of the finest layer, and sampling rates")
+    _add_files(spectrum)
+    spectrum.add_argument("--speed", type=SPEED, default=60.0, metavar="MPS", help="over the ground [m/s] (60)")
+    spectrum.add_argument("--share", type=SHARE, default=0.9, metavar="X", help="of the variance to be sampled (0.9)")
+    spectrum.add_argument("--out", type=picture, metavar="FILE", help="also plot it (.png, .svg; must not exist)")
+    spectrum.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def _add_files(parser: argparse.ArgumentParser) -> None:
@@ -78,10 +89,10 @@ def _line(text: str) -> tuple[Place, Place]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print or draw."""
+    """Print, draw or analyse."""
     if (args.at is None) != (args.radius is None):
         args.parser.error("--at, --radius: only both together")
-    return _info(args) if args.action == "info" else _plot(args)
+    return {"info": _info, "plot": _plot, "spectrum": _spectrum}[args.action](args)
 
 
 def _arguments(args: argparse.Namespace) -> dict[str, Any]:
@@ -116,4 +127,28 @@ def _plot(args: argparse.Namespace) -> int:
         show("drawing")
         write_figure(lambda: draw_map(terrain, args.profile), args.out)
     print_line(args.out)
+    return 0
+
+
+def _spectrum(args: argparse.Namespace) -> int:
+    from fti.cli._progress import show_progress
+    from fti.cli._terrain_spectrum import as_json, as_text, draw_spectrum
+    from fti.errors import ConfigError
+    from fti.plot_style import write_figure
+    from fti.terrain.files.open_terrain import open_terrain
+    from fti.terrain.spectrum import analyse_spectrum
+
+    with show_progress("reading") as show:
+        terrain = open_terrain(args.files, **_arguments(args), progress=lambda share: show("reading", share))
+        show("analysing")
+        try:
+            spectrum = analyse_spectrum(terrain.finest)
+        except ValueError as error:
+            raise ConfigError(f"{', '.join(args.files)}: {error}; choose another area with --at and --radius") from None
+        found = as_json(spectrum, args.share, args.speed)
+        if args.out:
+            write_figure(lambda: draw_spectrum(spectrum, args.share), args.out)
+    print_json(found, indent=2) if args.json else print_lines(as_text(found))
+    if args.out and not args.json:
+        print_line(args.out)
     return 0

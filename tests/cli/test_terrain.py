@@ -153,6 +153,38 @@ def test_a_picture_of_next_to_nothing(files: list[str]) -> None:
 
 
 @pytest.mark.usefixtures("small_picture")
+def waves(lat: Array, lon: Array) -> Array:
+    """Waves of 50 m to the north; a degree of latitude has 111.2 km here."""
+    return np.asarray(600.0 + 4.0 * np.sin(2.0 * math.pi * 111200.0 * (lat - LAT) / 50.0) + 0.0 * lon)
+
+
+def test_spectrum(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, out = write_ground(tmp_path / "waves.tif", waves, UTM, 200, 4.0), tmp_path / "spectrum.png"
+    arguments = ["terrain", "spectrum", file, "--vertical", "ellipsoid", "--speed", "50"]
+    assert main([*arguments, "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert re.search(
+        r"^posts +1\d\d x 1\d\d, 4 m apart: at 50 m/s more than 12\.50 Hz are useless$", printed, re.MULTILINE
+    )
+    waves_of = re.search(
+        r"^heights +waves of (\d+) m and longer have 90 % of the variance; they need ([\d.]+) Hz", printed, re.MULTILINE
+    )
+    assert waves_of and float(waves_of[1]) == pytest.approx(50.0, rel=0.1)
+    assert float(waves_of[2]) == pytest.approx(2.0 * 50.0 / float(waves_of[1]), rel=0.02)
+    assert out.stat().st_size > 10_000 and printed.rstrip().endswith("spectrum.png")
+    assert main([*arguments, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["heights_sd_m"] == pytest.approx(4.0 / math.sqrt(2.0), rel=0.1)
+
+
+def test_ground_without_a_spectrum_is_one_sentence(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["terrain", "spectrum", files[0], "--vertical", "ellipsoid"]) == 2
+    assert re.search(r"posts are unknown: .*; choose another area with --at and --radius", capsys.readouterr().err)
+    flat = write_ground(Path(files[0]).with_name("flat.tif"), lambda lat, lon: 0.0 * lat + 5.0, UTM, 50, 4.0)
+    assert main(["terrain", "spectrum", flat, "--vertical", "ellipsoid"]) == 0
+    assert capsys.readouterr().out.count("the ground is a plane") == 2
+
+
 def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, sentence in [
         (["info", str(tmp_path / "none.tif")], "none.tif: file not found"),
