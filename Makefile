@@ -7,7 +7,7 @@
 #   make bench    every benchmark; what they print goes into docs/benchmarks.md, too
 #   make wheel    build source archive and wheel below dist
 #   make deb      build the Debian package below dist
-#   make docs     generate docs/faults.md, docs/topics.md, docs/reference
+#   make docs     generate docs/faults.md, docs/topics.md, docs/reference; build the site in the folder site
 #   make soak     the tests again, at full scale
 #   make lock     choose the versions anew from pyproject.toml (needs uv)
 
@@ -46,6 +46,8 @@ docs: $(READY)
 	$(BIN)/python -m fti.hil.oracle.fault_page docs/faults.md
 	$(BIN)/python -m fti.messages.topics_page docs/topics.md
 	$(BIN)/python -m fti.user_files.page docs/reference
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "Open site/index.html in a browser."
 
 soak: $(READY)
 	$(PYTEST) --scale full --timeout 3600
