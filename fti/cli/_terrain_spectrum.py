@@ -72,6 +72,7 @@ def draw_spectrum(spectrum: Spectrum, share: float) -> Figure:
     cumulative.axhline(share, color=BLACK, linestyle=":")
     label_axes(density, "frequency [1/km]", "share of the variance")
     label_axes(cumulative, "frequency [1/km]", "share of the variance below")
+    density.set_ylim(bottom=1e-8)
     for axes in (density, cumulative):
         add_legend(axes)
     return figure
