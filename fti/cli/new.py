@@ -8,7 +8,7 @@ On a terminal it asks what it cannot know: name, CAN adapters, UDP addresses, pr
 takes the default.  Elsewhere it asks nothing.  Lines with CHECK in the file are what you have to fill in.
 
   fti new aircraft.toml
-  fti new aircraft.toml --udp 0.0.0.0:14550 --seconds 5
+  fti new aircraft.toml --udp 192.168.10.1:14550 --seconds 5
   fti new bench.toml --links /tmp/links --udp 127.0.0.1:47401 --slcan /tmp/links/air_can     ports of an emulator
 
 Then: fti check aircraft.toml, fti check aircraft.toml --live, fti run aircraft.toml.
