@@ -36,7 +36,8 @@ def consoles(page: str) -> list[Console]:
 def execute(console: Console, folder: Path, within_s: float) -> list[str]:
     """Output of each command, in one shell in the folder."""
     commands = f"\necho '{MARK}'\n".join(console.commands)
-    script = f'fti() {{ "$PYTHON" -m fti.cli.main "$@"; }}\n{commands}\nwait\n'
+    functions = 'fti() { "$PYTHON" -m fti.cli.main "$@"; }\npython() { "$PYTHON" "$@"; }\n'
+    script = f"{functions}{commands}\nwait\n"
     environment = {**os.environ, "PYTHON": sys.executable, "XDG_RUNTIME_DIR": str(folder), "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         ["bash", "-c", script],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -15,17 +16,18 @@ PAGE = (ROOT / "docs" / "first-steps.md").read_text(encoding="utf-8")
 WITHIN_S = 800.0
 
 
-def exercise(title: str) -> Console:
-    """The consoles of a section, as one: a later one goes on where an earlier one has ended."""
-    section = PAGE.split(f"## {title}\n")[1].split("\n## ")[0]
-    found = consoles(section)
+def exercise(titles: Sequence[str]) -> Console:
+    """The consoles of sections, as one: a later one goes on where an earlier one has ended."""
+    found = [one for title in titles for one in consoles(PAGE.split(f"## {title}\n")[1].split("\n## ")[0])]
     return Console([each for one in found for each in one.commands], [each for one in found for each in one.printed])
 
 
-@pytest.mark.parametrize("title", ["My first aircraft", "My first HIL test"])
-def test_what_the_page_says_is_printed(title: str, tmp_path: Path) -> None:
-    (text,) = blocks(PAGE, "toml")
-    (tmp_path / "unlocked.toml").write_text(text, encoding="utf-8")
-    console = exercise(title)
+@pytest.mark.parametrize("titles", [["My first aircraft"], ["My first HIL test", "From flight to table"]])
+def test_what_the_page_says_is_printed(titles: list[str], tmp_path: Path) -> None:
+    texts = [*blocks(PAGE, "toml"), *blocks(PAGE, "python")]
+    for name, text in zip(("unlocked.toml", "heights.py", "grid.py"), texts, strict=True):
+        assert f"file `{name}`" in PAGE
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    console = exercise(titles)
     for printed, expected in zip(execute(console, tmp_path, WITHIN_S), console.printed, strict=True):
         compare(printed, expected)

@@ -184,10 +184,21 @@ class UdpLink(LinkTable):
         str | None,
         key("IP address of the only sender whose datagrams are accepted; none: every sender", NO_UNIT, "192.168.10.7"),
     ] = None
-    group: Annotated[str | None, key("multicast group to join; none: no multicast", NO_UNIT, "239.1.2.3")] = None
+    group: Annotated[
+        str | None,
+        key(
+            "multicast group to join on the interface of bind; only its datagrams are received; none: no group",
+            NO_UNIT,
+            "239.1.2.3",
+        ),
+    ] = None
     peer: Annotated[
         Endpoint | None,
-        key("address and port to which datagrams are sent; none: nothing can be sent", NO_UNIT, "192.168.10.7:4001"),
+        key(
+            "address and port to which datagrams are sent; none: the sender of the last datagram",
+            NO_UNIT,
+            "192.168.10.7:4001",
+        ),
     ] = None
 
 

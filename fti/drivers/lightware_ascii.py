@@ -70,7 +70,11 @@ class Options(StrictModel):
 
     query: Annotated[
         Literal["none", "d", "ldf"],
-        key("request of a distance; none: the device sends without requests; d: one letter; ldf: of an LW20", NO_UNIT),
+        key(
+            "request of a distance; none: the device sends without requests; d: of every model; ldf: first return of "
+            "an LW20 or SF20",
+            NO_UNIT,
+        ),
     ] = "none"
     poll_s: Annotated[Positive, key("period of the requests", "s")] = 0.1
     lost_m: Annotated[
