@@ -46,6 +46,14 @@ with every key. [Hardware in the loop](../hardware-in-the-loop.md) explains the 
 AIRFIELD = """The TOML file of the published approach, read by `fti reference make --airfield FILE`. `fti reference
 template` prints one with every key. The command writes the reference of the approach, a CSV file for `[nav.approach]
 profile`."""
+REFERENCE = """
+
+## Header of a reference
+
+`fti reference make` writes these keys into the reference of an approach, as lines `# limits.t1 = 25.5`, and `fti
+reference info` prints them. They are not changed by hand: the hash of the file would no longer match. `fti reference
+fit` writes a file with the keys `model`, `beam_deg`, `threshold_db`, `bias_m` and `scale` of
+[`[device.altimeter]`](configuration.md#devicealtimeter)."""
 FAULTS = """
 
 ## `[[fault]]`
@@ -73,7 +81,7 @@ def pages() -> Mapping[str, str]:
         "configuration.md": lambda: _page("Keys of a configuration", CONFIGURATION, tables.configuration()),
         "drivers.md": _drivers,
         "scenario.md": _scenario,
-        "airfield.md": lambda: _page("Keys of an airfield file", AIRFIELD, tables.airfield()),
+        "airfield.md": _airfield,
     }
     return {name: "\n".join(lines()) + "\n" for name, lines in texts.items()}
 
@@ -104,6 +112,14 @@ def _scenario() -> Iterator[str]:
     yield from _page("Keys of a scenario", SCENARIO, tables.scenario())
     yield FAULTS
     yield PROFILE.format(inspect.getdoc(fault_table))
+
+
+def _airfield() -> Iterator[str]:
+    yield from _page("Keys of an airfield file", AIRFIELD, tables.airfield())
+    yield REFERENCE
+    for table in tables.reference_header():
+        yield from (("", f"### `{table.head}`", "") if table.head else ("",))
+        yield from _section(table)
 
 
 def heading(table: Table) -> str:

@@ -14,6 +14,7 @@ from fti.drivers.arinc429.labels import LabelSet
 from fti.hil.sensors import MODELS, SETTINGS
 from fti.hil.tables.schema import Scenario, SensorSettings
 from fti.nav.integrity.approach import Airfield
+from fti.nav.integrity.reference import ReferenceHeader
 
 #: Keys of other files, or with a page of their own.
 ELSEWHERE = ("fault",)
@@ -67,6 +68,11 @@ def label_sets() -> list[Table]:
 def airfield() -> list[Table]:
     """Tables of an airfield file."""
     return list(_tables(Airfield, "", False))
+
+
+def reference_header() -> list[Table]:
+    """Tables of the header of an approach reference, without the airfield."""
+    return [table for table in _tables(ReferenceHeader, "", False) if "airfield" not in table.head]
 
 
 def scenario() -> list[Table]:

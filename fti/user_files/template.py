@@ -18,9 +18,11 @@ MARKING = (
 
 
 def example(table: Table) -> str:
-    """The table with the keys that have an example, or with all defaults if none has one."""
+    """The table with the keys that have an example, or with all defaults if none has one; "" if it has neither."""
     pairs = [(key.name, key.example.replace("}, {", "},\n  {")) for key in table.keys if key.example]
-    pairs = pairs or [(key.name, key.default) for key in table.keys if not key.has_section]
+    pairs = pairs or [(key.name, key.default) for key in table.keys if not key.has_section and key.default]
+    if not pairs:
+        return ""
     head = [table.head, f'kind = "{table.kind}"' if table.kind else ""]
     return "\n".join([line for line in head if line] + [f"{name} = {value}" for name, value in pairs])
 

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Device, Positive, StrictModel
+from fti.config.keys import NO_UNIT, ONE, key
 
 #: Maximum ratio of stated to assumed sigma: receivers change theirs from fix to fix.
 SIGMA_TOLERANCE = 1.25
@@ -23,27 +24,29 @@ Sigma = Annotated[float, Field(ge=0.0, lt=math.inf)]
 
 
 class Assumptions(StrictModel):
-    """Assumed sigmas [m], and the receiver.
+    """What the limits assume of navigation, flight, ground and receiver."""
 
-    nav_vertical_sd_m, nav_horizontal_sd_m : of the navigated position, as its source states them
-    nav_noise_sd_m     : the part of the navigated height's error that varies within a window
-    track_sd_m, height_sd_m : deviation of the flight from the published path
-    elevation_short_sd_m, elevation_long_sd_m : of the elevation, over 30 m and over 300 m
-    receiver           : drawn (pattern, beam, threshold), edge or nearest alone, stated (one, by its data sheet),
-                         recorded or fitted (that of the flights)
-    beam_deg           : full width of the altimeter's beam;  receivers : number of draws, or of flights
-    """
-
-    nav_vertical_sd_m: Positive
-    nav_horizontal_sd_m: Positive
-    nav_noise_sd_m: Sigma
-    track_sd_m: Sigma
-    height_sd_m: Sigma
-    elevation_short_sd_m: Sigma
-    elevation_long_sd_m: Sigma
-    receiver: Literal["drawn", "edge", "nearest", "stated", "recorded", "fitted"]
-    beam_deg: Positive
-    receivers: Annotated[int, Field(ge=1)]
+    nav_vertical_sd_m: Annotated[Positive, key("1-sigma of the navigated altitude, as its source states it", "m")]
+    nav_horizontal_sd_m: Annotated[
+        Positive, key("1-sigma of the navigated horizontal position, as its source states it", "m")
+    ]
+    nav_noise_sd_m: Annotated[
+        Sigma, key("1-sigma of the part of the error of the navigated height that varies within a window", "m")
+    ]
+    track_sd_m: Annotated[Sigma, key("1-sigma of the offset of the flight from the published track", "m")]
+    height_sd_m: Annotated[Sigma, key("1-sigma of the height of the flight from the published path", "m")]
+    elevation_short_sd_m: Annotated[Sigma, key("1-sigma of errors of the elevation over 30 m", "m")]
+    elevation_long_sd_m: Annotated[Sigma, key("1-sigma of errors of the elevation over 300 m", "m")]
+    receiver: Annotated[
+        Literal["drawn", "edge", "nearest", "stated", "recorded", "fitted"],
+        key(
+            "receiver; drawn: random pattern, beam and threshold; edge, nearest: one of the two alone; stated: by its "
+            "data sheet; recorded, fitted: that of the flights",
+            NO_UNIT,
+        ),
+    ]
+    beam_deg: Annotated[Positive, key("full width of the beam of the altimeter", "deg")]
+    receivers: Annotated[int, Field(ge=1), key("number of drawn receivers, or of flights", ONE)]
 
 
 def navigation_holds(assumed: Assumptions | None, vertical_sd: float | None, horizontal_sd: float | None) -> bool:

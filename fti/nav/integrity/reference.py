@@ -23,6 +23,7 @@ from pydantic import AllowInfNan, Field
 
 from fti.arrays import Array
 from fti.config import Approach, Device, Positive, StrictModel, bind, parse_toml
+from fti.config.keys import NO_UNIT, ONE, key
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import Airfield
 from fti.nav.integrity.assumptions import BEAM_TOLERANCE_DEG, Assumptions
@@ -40,82 +41,82 @@ MIN_CORRELATIONS = 8
 class ReferenceSensor(StrictModel):
     """The altimeter of the profile."""
 
-    kind: Literal["radar", "laser"]
-    beam_deg: Positive
+    kind: Annotated[Literal["radar", "laser"], key("kind of the altimeter", NO_UNIT)]
+    beam_deg: Annotated[Positive, key("full width of its beam", "deg")]
 
 
 class ReferenceProfile(StrictModel):
-    """Origin of the profile.
+    """Origin of the profile."""
 
-    surface : name of the elevation, or of the recordings     made_from : which of the two
-    date    : of the survey of the surface, or of the last recording
-    draws   : of the profile, or recorded approaches          correlation_m : of nominal residuals
-    """
-
-    surface: str
-    made_from: Literal["terrain", "recordings"]
-    date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
-    ds_m: Annotated[float, Field(ge=0.5, le=100.0)]
-    s_max_m: Annotated[float, Field(gt=0.0, le=1e5)]
-    draws: int
-    seed: int
-    window_m: Positive
-    correlation_m: Positive
-    datum_sd_m: Positive  # sigma of the difference of the height datums of surface and navigation
+    surface: Annotated[str, key("name of the elevation, or of the recordings", NO_UNIT)]
+    made_from: Annotated[Literal["terrain", "recordings"], key("origin of the profile", NO_UNIT)]
+    date: Annotated[
+        str,
+        Field(pattern=r"^\d{4}-\d{2}-\d{2}$"),
+        key("date of the survey of the surface, or of the last recording", NO_UNIT),
+    ]
+    ds_m: Annotated[float, Field(ge=0.5, le=100.0), key("step of the profile along the track", "m")]
+    s_max_m: Annotated[float, Field(gt=0.0, le=1e5), key("length of the profile before the intercept point", "m")]
+    draws: Annotated[int, key("number of draws of the profile, or of recorded approaches", ONE)]
+    seed: Annotated[int, key("seed of the random numbers", ONE)]
+    window_m: Annotated[Positive, key("length of the comparison window", "m")]
+    correlation_m: Annotated[Positive, key("correlation length of nominal residuals", "m")]
+    datum_sd_m: Annotated[
+        Positive, key("1-sigma of the difference between the height datums of surface and navigation", "m")
+    ]
 
 
 class Limits(StrictModel):
-    """Limits of the four tests: quantiles of the maxima of ``runs`` simulated nominal approaches.
+    """Limits of the four tests of the monitor: quantiles of the maxima of simulated nominal approaches."""
 
-    ``*_interval`` : 95 % bootstrap interval of each
-    t4_widths_m    : lengths of the templates that T4 is the maximum of; without them T4 uses single bins, as the limit
-                     does
-    """
-
-    t1: Positive
-    t2: Positive
-    t3: Positive
-    t4: Positive
-    t1_interval: tuple[float, float]
-    t2_interval: tuple[float, float]
-    t3_interval: tuple[float, float]
-    t4_interval: tuple[float, float]
-    pfa: Positive  # probability of a false alarm per approach, all tests together
-    pmd: Annotated[float, Field(gt=0.0, lt=0.5)]  # of a missed detection, in the protection levels
-    runs: int
-    verified_runs: int  # other approaches, simulated with these limits
-    verified_alarms: int  # number of them with an ALERT
-    seed: int
-    method: str
-    t4_widths_m: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
+    t1: Annotated[Positive, key("limit of T1, absolute match", ONE)]
+    t2: Annotated[Positive, key("limit of T2, position shift", ONE)]
+    t3: Annotated[Positive, key("limit of T3, height error", ONE)]
+    t4: Annotated[Positive, key("limit of T4, obstacle", ONE)]
+    t1_interval: Annotated[tuple[float, float], key("95 % bootstrap interval of the limit of T1", ONE)]
+    t2_interval: Annotated[tuple[float, float], key("95 % bootstrap interval of the limit of T2", ONE)]
+    t3_interval: Annotated[tuple[float, float], key("95 % bootstrap interval of the limit of T3", ONE)]
+    t4_interval: Annotated[tuple[float, float], key("95 % bootstrap interval of the limit of T4", ONE)]
+    pfa: Annotated[Positive, key("probability of a false alarm in an approach, all tests together", ONE)]
+    pmd: Annotated[
+        float, Field(gt=0.0, lt=0.5), key("probability of a missed detection, in the protection levels", ONE)
+    ]
+    runs: Annotated[int, key("number of simulated approaches from which the limits are", ONE)]
+    verified_runs: Annotated[int, key("number of other approaches, simulated with these limits", ONE)]
+    verified_alarms: Annotated[int, key("number of the other approaches with an ALERT", ONE)]
+    seed: Annotated[int, key("seed of the random numbers", ONE)]
+    method: Annotated[str, key("method by which the limits are computed", NO_UNIT)]
+    t4_widths_m: Annotated[
+        Annotated[tuple[Positive, ...], Field(min_length=1)] | None,
+        key("lengths of the templates of which T4 is the maximum; none: T4 and its limit use single bins", "m"),
+    ] = None
 
 
 class Detection(StrictModel):
-    """Pd(y | window): share of windows over a limit when the aircraft is y off the track and navigation is on it.
+    """Share of windows over a limit when the aircraft is beside the track and navigation is on it."""
 
-    y_m : offsets to either side; s_m : begin of each part of the path, in which the windows end, descending
-    pd  : a row for each offset, a value for each part
-    """
-
-    y_m: tuple[float, ...]
-    s_m: tuple[float, ...]
-    pd: tuple[tuple[float, ...], ...]
-    runs: int  # for each offset
+    y_m: Annotated[tuple[float, ...], key("offsets to either side of the track", "m")]
+    s_m: Annotated[tuple[float, ...], key("begin of each part of the path in which the windows end, descending", "m")]
+    pd: Annotated[
+        tuple[tuple[float, ...], ...], key("share of the windows: a row for each offset, a value for each part", ONE)
+    ]
+    runs: Annotated[int, key("number of simulated approaches for each offset", ONE)]
 
 
 class Obstacles(StrictModel):
-    """The smallest obstacle on the track, as long as wide, that T4 detects with the probability ``pd``.
+    """The smallest obstacle on the track, as long as wide, that T4 detects."""
 
-    s_m, agl_m : begin of each part of the path, descending, and the height above ground in it
-    height_m   : a row for each width, a value for each part; inf: none of the simulated heights
-    """
-
-    pd: Annotated[float, Field(gt=0.0, lt=1.0)]
-    width_m: tuple[float, ...]
-    s_m: tuple[float, ...]
-    agl_m: tuple[float, ...]
-    height_m: tuple[tuple[Annotated[float, AllowInfNan(True)], ...], ...]
-    runs: int  # for each width and part
+    pd: Annotated[float, Field(gt=0.0, lt=1.0), key("probability with which it is detected", ONE)]
+    width_m: Annotated[tuple[float, ...], key("widths of the obstacles", "m")]
+    s_m: Annotated[tuple[float, ...], key("begin of each part of the path, descending", "m")]
+    agl_m: Annotated[tuple[float, ...], key("height of the aircraft above ground in each part", "m")]
+    height_m: Annotated[
+        tuple[tuple[Annotated[float, AllowInfNan(True)], ...], ...],
+        key(
+            "height of the obstacle: a row for each width, a value for each part; inf: none of the simulated ones", "m"
+        ),
+    ]
+    runs: Annotated[int, key("number of simulated approaches for each width and part", ONE)]
 
     def min_height(self, s: float, width: float) -> float:
         """Minimum height of an obstacle of this width at s that is detected [m]; inf: none is.
@@ -130,13 +131,19 @@ class Obstacles(StrictModel):
 class ReferenceHeader(StrictModel):
     """Everything but the table and the hash."""
 
-    airfield: Airfield
-    sensor: ReferenceSensor
-    profile: ReferenceProfile
-    limits: Limits
-    assumptions: Assumptions | None = None  # None in older references
-    detection: Detection | None = None  # None for a profile from recordings
-    obstacles: Obstacles | None = None  # None for a profile from recordings
+    airfield: Annotated[Airfield, key("the keys of the airfield file", NO_UNIT)]
+    sensor: Annotated[ReferenceSensor, key("[sensor]: the altimeter", NO_UNIT)]
+    profile: Annotated[ReferenceProfile, key("[profile]: origin of the profile", NO_UNIT)]
+    limits: Annotated[Limits, key("[limits]: limits of the tests", NO_UNIT)]
+    assumptions: Annotated[
+        Assumptions | None, key("[assumptions]: what the limits assume; none: in older references", NO_UNIT)
+    ] = None
+    detection: Annotated[
+        Detection | None, key("[detection]: detection beside the track; none: a profile from recordings", NO_UNIT)
+    ] = None
+    obstacles: Annotated[
+        Obstacles | None, key("[obstacles]: smallest obstacles; none: a profile from recordings", NO_UNIT)
+    ] = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,8 +208,8 @@ class ApproachReference:
 def _flat(table: dict[str, Any], prefix: str) -> list[tuple[str, Any]]:
     """Dotted keys and their values, in order."""
     pairs: list[tuple[str, Any]] = []
-    for key, value in table.items():
-        pairs += _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else [(prefix + key, value)]
+    for name, value in table.items():
+        pairs += _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else [(prefix + name, value)]
     return pairs
 
 
