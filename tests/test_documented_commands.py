@@ -113,7 +113,7 @@ WITH_BREAKERS = [
 ]
 #: While ``fti demo`` flies.
 LIVE = [
-    Run("fti preflight configs/bench.toml", r"GO +everything", words=DEMO),
+    Run("fti preflight configs/bench.toml", r"GO +position +from ins", codes=(0, 1), words=DEMO),
     Run("fti page", r"http://127\.0\.0\.1:\d+/#key=", more="--print"),
     Run("fti page --print", r"http://127\.0\.0\.1:\d+/#key="),
     Run("fti watch", r"radalt_line +good", more="--once"),
@@ -311,7 +311,7 @@ def test_the_laboratory_and_its_recording_again(user: UserFolder) -> None:
 def test_the_demonstration_live_and_its_session(user: UserFolder) -> None:
     options = "--headless --scenario configs/scenarios/silence.toml --out data"
     with user.background("fti demo", options, "flying"):
-        until(lambda: user.output(PREFLIGHT).returncode == 0, START_S, "a flight that is ready")
+        until(lambda: "GO     position" in user.output(PREFLIGHT).stdout, START_S, "a position")
         for each in LIVE:
             user.run(each)
         until(lambda: user.has_flown(SILENT_UNTIL_S), START_S, "the end of the fault")

@@ -5,6 +5,7 @@
     search         chi-square of the profile for every shift of a lattice; five-point search
     likelihood     chi-square at any shift, with its derivatives
     fix            the shift with the smallest chi-square, its covariance, and why it may be refused
+    apparent_surface  the ground as a banked altimeter with a beam sees it, as a window
     acquisition    three independent fixes that agree
     printed_metric the metric and the covariance of the source, for comparison
 

@@ -10,13 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from fti.arrays import Array, Mask, Rng
+from fti.geodesy.local import MAT_ENU_NED
+from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.terrain_matching.acquisition import FIXES, Acquisition
+from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
 from fti.nav.terrain_matching.fix import MatchFix, match
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_matching.printed_metric import mean_absolute_residual
 from fti.nav.terrain_matching.profile import Profile
 from fti.nav.terrain_matching.search import Lattice, five_point_search
 from fti.nav.terrain_matching.window import TerrainWindow, cut_window
+from fti.ranging.laser import Laser
+from fti.ranging.sensor import Poses
 from fti.terrain.dem_error import DemError
 from fti.terrain.demo_region import demo_region
 from fti.terrain.synthetic import fractal_relief
@@ -36,6 +41,8 @@ DEM_ERROR = DemError(noise_sd=1.5)
 #: With it, neighbouring samples are not independent: 12 m between samples, correlation lengths of 30 m and 300 m.
 INDEPENDENT_SHARE = 0.1
 BEST_SHARE = 0.1
+#: The banked flight: height above the highest ground [m], amplitude [rad] and period [s] of the roll.
+HEIGHT_AGL_M, MAX_ROLL, ROLL_PERIOD_S = 80.0, math.radians(10.0), 8.0
 WRONG_START_M = 2000.0
 #: One sigma of the drift of the navigated position that acquisition assumes [m/s].
 DRIFT_MPS = 0.1
@@ -110,14 +117,16 @@ class GroundResult:
 
 @dataclass(frozen=True)
 class Flight:
-    """A run: over exact elevation, synthetic and real, and over uncertain elevation.
+    """A run: over exact elevation, synthetic and real, over uncertain elevation, and banked.
 
     uncertain : error and sigma of the fix [m]; None if refused
+    banked    : error of the fix with compensation for every shift, and without [m]
     """
 
     synthetic: GroundResult
     real: GroundResult
     uncertain: tuple[float, float] | None
+    banked: tuple[float, float]
 
 
 def fly(seed: int) -> Flight:
@@ -125,7 +134,7 @@ def fly(seed: int) -> Flight:
     rng = np.random.default_rng([seed, 4])
     ground = synthetic_ground(seed // RUNS_PER_GROUND)
     synthetic, real = _match_exact(ground, rng), _match_exact(real_ground(), rng)
-    return Flight(synthetic, real, _match_uncertain(ground, rng))
+    return Flight(synthetic, real, _match_uncertain(ground, rng), _match_banked(ground, rng))
 
 
 def lattice_over(ground: Terrain) -> Lattice:
@@ -187,6 +196,28 @@ def _match_uncertain(ground: Terrain, rng: Rng) -> tuple[float, float] | None:
     if not fix.is_usable:
         return None
     return float(np.hypot(*(fix.shift - track.error))), float(np.sqrt(np.linalg.eigvalsh(fix.cov)[-1]))
+
+
+def _match_banked(ground: Terrain, rng: Rng) -> tuple[float, float]:
+    """Errors of two fixes by a laser that rolls with the aircraft [m]: closed loop, and slant ranges as heights."""
+    track = draw_track(ground, rng, REACH_M / 10.0 * rng.uniform(-1.0, 1.0, 2))
+    level = track.profile(ground, rng)
+    roll = MAX_ROLL * np.sin(math.tau * level.t / ROLL_PERIOD_S)
+    mats = MAT_ENU_NED @ mat_from_rpy(roll, np.zeros(SAMPLES), np.full(SAMPLES, track.heading))
+    up = np.full(SAMPLES, level.ground.max() + HEIGHT_AGL_M)
+    navigated = np.column_stack((level.east, level.north, up))
+    true = navigated + np.append(track.error, 0.0)
+    laser = Laser()
+    ranges = laser.measure(ground, Poses.stationary(true, mats)).slant_range + NOISE_M * rng.standard_normal(SAMPLES)
+    ranges += track.height_error
+    known = np.isfinite(ranges)
+    poses, sd = Poses.stationary(navigated[known], mats[known]), np.full(np.count_nonzero(known), NOISE_M)
+    measured = RangeTrack(level.t[known], poses, ranges[known], sd, HEIGHT_SD_M).profile
+    reach_m = 10.0 * ground.finest.cell_m
+    surface = apparent_surface(laser, ground, poses, ground.finest.cell_m, reach_m + ground.finest.cell_m)
+    closed = match(surface, measured, Lattice(10))
+    plain = match(cut_window(ground, measured, reach_m + ground.finest.cell_m), measured, Lattice(10))
+    return float(np.hypot(*(closed.shift - track.error))), float(np.hypot(*(plain.shift - track.error)))
 
 
 # -------------------------------------------------------------------------------------------------- hostile cases

@@ -64,11 +64,12 @@ def _bowl(place: Array) -> Callable[[Array], Array]:
 
 
 def judge_flights(flights: Sequence[Flight]) -> list[StudyResult]:
-    """B, N, F and E."""
+    """B, N, F, E and C."""
     grounds = {"synthetic": [f.synthetic for f in flights], "real": [f.real for f in flights]}
     return [
         *(result for name, found in grounds.items() for result in _over_bound(name, found)),
         *_uncertain(flights),
+        *_banked(flights),
     ]
 
 
@@ -111,6 +112,17 @@ def _uncertain(flights: Sequence[Flight]) -> list[StudyResult]:
         StudyResult.at_least("E.within", f"share within 4 sigma or 30 m, {words}", within, MIN_WITHIN),
         StudyResult.reported("E.median", f"median error [m], {words}", median),
         StudyResult.reported("E.refused", "refused, share", 1.0 - len(fixes) / len(flights)),
+    ]
+
+
+def _banked(flights: Sequence[Flight]) -> list[StudyResult]:
+    closed, plain = ([flight.banked[k] for flight in flights] for k in range(2))
+    p = sign_test(sum(a < b for a, b in zip(closed, plain, strict=True)), len(flights))
+    words = f"laser that rolls by 10 deg, {len(flights)} flights"
+    return [
+        StudyResult.reported("C.closed", f"median error [m], {words}: closed loop", float(np.median(closed))),
+        StudyResult.reported("C.plain", f"median error [m], {words}: slant ranges as heights", float(np.median(plain))),
+        StudyResult("C.order", "p that the closed loop is not better", p, f"< {LEVEL:g}", p < LEVEL),
     ]
 
 
