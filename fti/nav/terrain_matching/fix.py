@@ -99,10 +99,10 @@ def match(
     likelihood = Likelihood(window, profile)
     excess = MAX_EXCESS * _noise_ratio(float(np.nanmin(chi_square)), profile) ** 2 / independent_share
     starts = [_finest(window, profile, lattice, at) for at in _candidates(chi_square, lattice, window.cell_m, excess)]
-    minima = [found for start in starts if (found := _refine(likelihood, start, window.cell_m))]
-    if not minima:
-        return _without_position(profile, Refusal.FLAT)
+    minima = [_refine(likelihood, start, window.cell_m) for start in starts]
     best = min(minima, key=lambda minimum: minimum.chi_square)
+    if best.step is None:
+        return _without_position(profile, Refusal.FLAT)
     noise = _noise_ratio(best.chi_square, profile)
     scale = independent_share / noise**2
     shift, cov = _moments(likelihood, best, scale)
@@ -117,8 +117,8 @@ def match(
         t=profile.middle,
         shift=shift,
         cov=cov,
-        up=-best.height_error,
-        up_sd=1.0 / math.sqrt(profile.total_weight * scale),
+        up=-float(best.height_error + best.height_slope @ (shift - best.shift)),
+        up_sd=math.sqrt(1.0 / (profile.total_weight * scale) + best.height_slope @ cov @ best.height_slope),
         ambiguity=ambiguity,
         noise_ratio=noise,
         refusals=frozenset(reason for reason, applies in tests.items() if applies),
@@ -148,13 +148,13 @@ def _candidates(chi_square: Array, lattice: Lattice, cell_m: float, excess: floa
     return np.column_stack((east[at_column[order]], north[at_row[order]]))
 
 
-def _refine(likelihood: Likelihood, start: Array, cell_m: float) -> Minimum | None:
-    """The minimum near a shift, by Gauss-Newton steps of a cell at most; None over ground without slopes."""
+def _refine(likelihood: Likelihood, start: Array, cell_m: float) -> Minimum:
+    """The minimum near a shift, by Gauss-Newton steps of a cell at most; they end at ground without slopes."""
     at, max_step_m = likelihood.at(start), cell_m
     for _ in range(MAX_ITERATIONS):
         step = at.step
         if step is None:
-            return None
+            break
         length = float(np.hypot(*step))
         next_at = likelihood.at(at.shift + step * min(1.0, max_step_m / max(length, RESOLUTION_M)))
         if next_at.chi_square < at.chi_square:
@@ -167,15 +167,19 @@ def _refine(likelihood: Likelihood, start: Array, cell_m: float) -> Minimum | No
 
 
 def _finest(window: TerrainWindow, profile: Profile, lattice: Lattice, start: Array) -> Array:
-    """The best shift in whole cells around a shift of a lattice with a stride."""
+    """The best shift in whole cells around a shift of a lattice with a stride, within the lattice."""
     if lattice.stride == 1:
         return start
-    centre = (round(start[0] / window.cell_m), round(start[1] / window.cell_m))
-    around = Lattice(lattice.stride, 1, centre)
+    inner = lattice.stride * (lattice.steps - 1)
+    east, north = (
+        min(max(round(at / window.cell_m), centre - inner), centre + inner)
+        for at, centre in zip(start, lattice.centre, strict=True)
+    )
+    around = Lattice(lattice.stride, 1, (east, north))
     chi_square = search_lattice(window, profile, around)
     i, j = np.unravel_index(int(np.nanargmin(chi_square)), chi_square.shape)
-    east, north = around.shifts(window.cell_m)
-    return np.array([east[j], north[i]])
+    shifts_east, shifts_north = around.shifts(window.cell_m)
+    return np.array([shifts_east[j], shifts_north[i]])
 
 
 def _moments(likelihood: Likelihood, best: Minimum, scale: float) -> tuple[Array, Array]:
@@ -197,7 +201,7 @@ def _moments(likelihood: Likelihood, best: Minimum, scale: float) -> tuple[Array
 
 
 def _odds(best: Minimum, other: Minimum, cov: Array, scale: float) -> float:
-    """Probability of another minimum over that of the best; 0 if it is the same."""
+    """Probability of another minimum over that of the best, large for ground without slopes; 0 if it is the same."""
     away = other.shift - best.shift
     if other is best or away @ np.linalg.solve(cov, away) < SAME_SIGMAS**2:
         return 0.0

@@ -29,7 +29,7 @@ class Minimum:
     half_gradient : half of its derivative, with the opposite sign: information times the distance of the minimum [1/m]
     information   : half of its second derivative where residuals are linear in the shift; its inverse is the Cramer-Rao
                     bound of the shift at the true position [1/m^2]
-    height_error  : navigated minus true height [m]
+    height_error  : navigated minus true height [m];  height_slope : its derivative [1]
     """
 
     shift: Array
@@ -37,6 +37,7 @@ class Minimum:
     half_gradient: Array
     information: Array
     height_error: float
+    height_slope: Array
 
     @property
     def step(self) -> Array | None:
@@ -98,6 +99,7 @@ class Likelihood:
             half_gradient=(np.array([r_east, r_north]) - r * slopes / total) / cell,
             information=(products - np.outer(slopes, slopes) / total) / cell**2,
             height_error=float(r / total),
+            height_slope=-slopes / (total * cell),
         )
 
     def _sums(self, shifts: Array) -> Array:

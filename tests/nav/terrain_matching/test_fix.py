@@ -37,16 +37,19 @@ def test_without_noise_the_fix_is_the_error_to_a_decimetre(error: tuple[float, f
 
 
 def test_errors_have_the_stated_covariance_and_that_is_the_bound() -> None:
-    """200 flights of the same track: mean of error^2 over covariance 2, within four sigma of the mean."""
-    ground, flights = hills(), 200
-    rng, distances = np.random.default_rng(5), []
+    """200 flights of the same track: mean of error^2 over covariance 2, of the height 1, within four sigma of it."""
+    slope, flights = 0.3 * CELL_M * np.arange(400), 200  # to the east: an error of 1 m there is one of 0.3 m upwards
+    ground = Terrain.from_array(hills().finest.heights + slope, CELL_M)
+    rng, distances, heights = np.random.default_rng(5), [], []
     for _ in range(flights):
-        error = rng.uniform(-60.0, 60.0, 2)
-        profile = fly(ground, (error[0], error[1]), noise=rng.standard_normal(80), height_error=rng.normal(0.0, 5.0))
+        error, height_error = rng.uniform(-60.0, 60.0, 2), rng.normal(0.0, 5.0)
+        profile = fly(ground, (error[0], error[1]), noise=rng.standard_normal(80), height_error=height_error)
         fix = fix_of(ground, profile)
         off = fix.shift - error
         distances.append(off @ np.linalg.solve(fix.cov, off))
+        heights.append(((fix.up + height_error) / fix.up_sd) ** 2)
     assert np.mean(distances) == pytest.approx(2.0, abs=4.0 * 2.0 / np.sqrt(flights))
+    assert np.mean(heights) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / flights))
 
 
 def test_a_sigma_that_is_stated_too_small_is_enlarged_by_the_residuals() -> None:
@@ -116,6 +119,24 @@ def test_ground_that_repeats_is_ambiguous() -> None:
     ground = Terrain.from_array(wave[:, None] + wave, CELL_M)
     fix = fix_of(ground, fly(ground, noise=np.random.default_rng(3).standard_normal(80)))
     assert Refusal.AMBIGUOUS in fix.refusals and fix.ambiguity > 0.1
+
+
+@pytest.mark.parametrize("noise_seed", [20, 26, 30])
+def test_a_lake_is_not_left_out_for_the_low_hills_beside_it(noise_seed: int) -> None:
+    """Over the lake the profile fits best, but has no minimum; hills of 1 m are not refuted by noise of 1.5 m."""
+    east, north = np.meshgrid(np.arange(400), np.arange(400))
+    ground = Terrain.from_array(np.where(east - north < -25, 0.05 * hills().finest.heights, 0.0), CELL_M)
+    profile = fly(
+        Terrain.from_array(np.zeros((400, 400)), CELL_M),
+        noise=1.5 * np.random.default_rng(noise_seed).standard_normal(80),
+        sd=1.5,
+    )
+    assert not fix_of(ground, profile).is_usable
+
+
+def test_a_minimum_at_the_edge_of_a_lattice_with_a_stride_is_refused() -> None:
+    ground = hills()
+    assert Refusal.AT_EDGE in fix_of(ground, fly(ground, (148.0, 0.0)), 10, 3).refusals
 
 
 def test_a_long_valley_is_flat_along_it() -> None:
