@@ -54,9 +54,7 @@ def mentions() -> Iterator[Documented]:
     texts = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page in PAGES}
     texts |= {f"fti {name} --help": parser.description or "" for name, parser in command_parsers().items()}
     for page, text in texts.items():
-        for match in re.finditer(
-            r"(?:`|\$ ?|^ *)(fti [a-z][a-z_]*(?![\w'])[^`\n;]*)", text.replace("\\\n", " "), re.MULTILINE
-        ):
+        for match in re.finditer(MENTION, text.replace("\\\n", " "), re.MULTILINE):
             yield Documented(page, re.split(r"\s+#\s|\s{3,}", match[1])[0])
 
 
