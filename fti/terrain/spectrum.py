@@ -117,12 +117,10 @@ def _correlation_length(relief: Array, cell_m: float) -> float | None:
     shape = (2 * rows, 2 * columns)
     pairs = np.fft.irfft2(np.abs(np.fft.rfft2(np.ones_like(relief), shape)) ** 2, shape)
     products = np.fft.irfft2(np.abs(np.fft.rfft2(relief, shape)) ** 2, shape)
-    reach = min(rows, columns) // 2
-    lag = np.hypot(*np.meshgrid(np.arange(reach), np.arange(reach), indexing="ij"))
-    near = lag < reach
-    correlation = (products[:reach, :reach] / np.maximum(pairs[:reach, :reach], 1.0))[near]
-    distance = lag[near].astype(np.intp)
-    mean = np.bincount(distance, correlation) / np.bincount(distance)
+    lag = np.hypot(np.fft.fftfreq(shape[0], 1.0 / shape[0])[:, None], np.fft.fftfreq(shape[1], 1.0 / shape[1]))
+    near = lag < min(rows, columns) // 2
+    distance = np.rint(lag[near]).astype(np.intp)
+    mean = np.bincount(distance, products[near] / pairs[near]) / np.bincount(distance)
     below = np.nonzero(mean < mean[0] / math.e)[0]
     if not len(below) or mean[0] < MIN_SD_M**2:
         return None

@@ -54,6 +54,13 @@ def test_the_correlation_length_is_that_of_exponential_noise(length_m: float) ->
     assert np.mean([length for length in found if length]) == pytest.approx(length_m, rel=0.1)
 
 
+def test_the_correlation_length_is_that_of_all_directions() -> None:
+    """Ridges to the north-west are as long as the same ridges to the north-east."""
+    ridges = wave(300.0, 5.0, 45.0)
+    lengths = [analyse_spectrum(layer(each)).correlation_m for each in (ridges, ridges[:, ::-1])]
+    assert lengths[0] and lengths[0] == pytest.approx(lengths[1], rel=1e-6)
+
+
 def test_what_has_no_spectrum_is_refused() -> None:
     with pytest.raises(ValueError, match="31 x 400 known posts: a spectrum needs at least 32 x 32"):
         analyse_spectrum(layer(np.zeros((31, 400))))
