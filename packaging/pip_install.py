@@ -16,6 +16,8 @@ from pathlib import Path
 
 PERIOD_S = 10.0
 REFRESH_S = 0.2
+#: Exit code after Ctrl-C.
+INTERRUPTED = 130
 CLEAR = "\033[K"
 IRRELEVANT = re.compile(r"WARNING: Location '.*' is ignored")
 
@@ -89,11 +91,16 @@ def main() -> int:
         ]
         for thread in threads:
             thread.start()
-        for line in pip.stdout or ():
-            progress.on_line(line)
-        ended.set()
-        for thread in threads:
-            thread.join()
+        try:
+            for line in pip.stdout or ():
+                progress.on_line(line)
+        except KeyboardInterrupt:
+            pip.terminate()  # it has got Ctrl-C, too, if that came from the terminal
+            return INTERRUPTED
+        finally:
+            ended.set()
+            for thread in threads:
+                thread.join()
     return pip.returncode
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -41,37 +44,53 @@ sys.exit(int(sys.argv[-1] == "fails"))
 """
 
 
-@pytest.mark.parametrize("code", [0, 1])
-def test_the_set_up_shows_packages_and_errors(tmp_path: Path, code: int) -> None:
+@contextlib.contextmanager
+def set_up(folder: Path, *arguments: str) -> Iterator[tuple[int, subprocess.Popen[str]]]:
+    """The set-up with that pip on a terminal: the person's end, and the process."""
     for name, text in {"requirements.lock": LOCK, "pip/__init__.py": "", "pip/__main__.py": PIP}.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
     person, terminal = os.openpty()
     script = str(ROOT / "packaging" / "pip_install.py")
     process = subprocess.Popen(
-        [sys.executable, script, "env/bin/python", "--requirement", "requirements.lock", *["fails"] * code],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        [sys.executable, script, "env/bin/python", "--requirement", "requirements.lock", *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
         stdout=terminal,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,
     )
     os.close(terminal)
     try:
+        yield person, process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        os.close(person)
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_the_set_up_shows_packages_and_errors(tmp_path: Path, code: int) -> None:
+    with set_up(tmp_path, *["fails"] * code) as (person, process):
         read_until(person, "  fetching package 1 of 2, ")
         (tmp_path / "fetched").touch()
         read_until(person, "  installing package 1 of 2, ")
         (tmp_path / "installed").touch()
         _, errors = process.communicate(timeout=TIMEOUT_S)
-    finally:
-        process.kill()
-        process.communicate()
-        os.close(person)
     assert process.returncode == code
     assert [line.split(": ")[:2] for line in errors.splitlines()] == [
         ["WARNING", "Retrying after connection broken"],
         ["ERROR", "Could not install packages due to an OSError"],
     ]
+
+
+def test_ctrl_c_ends_the_set_up(tmp_path: Path) -> None:
+    with set_up(tmp_path) as (person, process):
+        read_until(person, "  fetching package 1 of 2, ")
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(TIMEOUT_S) == 130
 
 
 def read_until(person: int, text: str) -> None:
