@@ -152,7 +152,6 @@ def test_a_picture_of_next_to_nothing(files: list[str]) -> None:
                 _terrain_map.draw_map(terrain, None)
 
 
-@pytest.mark.usefixtures("small_picture")
 def waves(lat: Array, lon: Array) -> Array:
     """Waves of 50 m to the north; a degree of latitude has 111.2 km here."""
     return np.asarray(600.0 + 4.0 * np.sin(2.0 * math.pi * 111200.0 * (lat - LAT) / 50.0) + 0.0 * lon)
@@ -185,6 +184,7 @@ def test_ground_without_a_spectrum_is_one_sentence(files: list[str], capsys: pyt
     assert capsys.readouterr().out.count("the ground is a plane") == 2
 
 
+@pytest.mark.usefixtures("small_picture")
 def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, sentence in [
         (["info", str(tmp_path / "none.tif")], "none.tif: file not found"),
