@@ -132,7 +132,8 @@ AFTER = [
     Run("fti recover --in-place SESSION", r"is finished"),
     Run("fti export SESSION --out tables --degrees", r"tables/altimeter_radio_height\.csv +\d+ rows"),
     Run("fti reprocess SESSION --out again", r"again/demo_"),
-    Run("fti latency SESSION", r"altimeter: cannot be estimated: needs 80 s"),
+    # longer than 80 s on a busy computer: then there is an estimate
+    Run("fti latency SESSION", r"altimeter: (cannot be estimated: needs 80 s|[+-]\d+ ms)"),
     # a busy computer makes gaps, which the score reports: what it must find is tested elsewhere
     Run("fti score silence SESSION --plot score.png", r"\d+ of 19 expected flags found in time", codes=(0, 1)),
     Run(
