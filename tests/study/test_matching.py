@@ -30,13 +30,29 @@ def test_few_flights_hold_what_does_not_need_many() -> None:
 
 
 def test_the_judges_of_the_flights_can_say_no() -> None:
-    flights = [Flight(GOOD, GOOD, (2.0, 1.0), (1.0, 9.0))] * 40
+    flights = [Flight(GOOD, GOOD, (2.0, 1.0), (1.0, 9.0), (1.0, 9.0), 1.0)] * 40
     assert all(result.holds for result in judge.judge_flights(flights))
     worse = replace(GOOD, error_over_bound=(1.7, 1.6, 9.0), nees=1.7)
-    failed = {r.id for r in judge.judge_flights([Flight(worse, GOOD, (40.0, 1.0), (9.0, 1.0))] * 40) if not r.holds}
-    assert failed == {"B.synthetic.limit", "B.synthetic.order", "N.synthetic", "E.within", "C.order"}
+    failed = {
+        r.id
+        for r in judge.judge_flights([Flight(worse, GOOD, (40.0, 1.0), (9.0, 1.0), (9.0, 1.0), 0.1)] * 40)
+        if not r.holds
+    }
+    assert failed == {
+        "B.synthetic.limit",
+        "B.synthetic.order",
+        "N.synthetic",
+        "E.within",
+        "C.order",
+        "D.order",
+        "D.nees",
+    }
     refused = replace(GOOD, nees=None)
-    failed = {r.id for r in judge.judge_flights([Flight(GOOD, refused, None, (1.0, 9.0))] * 40) if not r.holds}
+    failed = {
+        r.id
+        for r in judge.judge_flights([Flight(GOOD, refused, None, (1.0, 9.0), (1.0, 9.0), 1.0)] * 40)
+        if not r.holds
+    }
     assert failed == {"N.real", "E.within"}
 
 

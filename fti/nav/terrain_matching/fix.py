@@ -20,6 +20,8 @@ PARAMETERS = 3
 MAX_CANDIDATES, MAX_EXCESS = 8, 60.0
 #: Steps of the refinement of a minimum, and the change [m] that ends it.
 MAX_ITERATIONS, RESOLUTION_M = 12, 0.01
+#: Refinements in which the residuals become linear at the drift of the one before.
+DRIFT_ITERATIONS = 3
 #: The likelihood around a minimum is integrated up to so many sigma, with so many shifts for each axis.
 MOMENT_SIGMAS, MOMENT_STEPS = 4.0, 17
 #: Least variance of an axis, in units of that of a linear surface.
@@ -60,6 +62,7 @@ class MatchFix:
     shift      : true minus navigated position, east and north [m]; NaN where the ground is unknown
     cov        : its covariance [m^2]
     up         : true minus navigated height [m];  up_sd : one sigma of it [m]
+    drift      : change of the shift with time, east and north [m/s]; 0 if none is estimated
     ambiguity  : probability of the next minimum over that of the best
     noise_ratio : RMS of the residuals over their stated sigma, at least 1; cov contains it
     refusals   : empty: the fix may be used
@@ -70,6 +73,7 @@ class MatchFix:
     cov: Array
     up: float
     up_sd: float
+    drift: Array
     ambiguity: float
     noise_ratio: float
     refusals: frozenset[Refusal]
@@ -85,22 +89,28 @@ def match(
     profile: Profile,
     lattice: Lattice,
     limits: MatchLimits | None = None,
+    *,
     independent_share: float = 1.0,
+    drift_sd: float = 0.0,
 ) -> MatchFix:
     """The fix of a profile.
 
     independent_share : number of independent errors over the number of samples, in (0, 1]: errors of elevation are
     correlated over tens of metres, and such samples count less
+    drift_sd : one sigma of the drift of the navigated position for each axis [m/s]; 0: it does not drift
     """
     limits = limits or MatchLimits()
     chi_square = search_lattice(window, profile, lattice)
     if np.isnan(chi_square).all():
         return _without_position(profile, Refusal.UNKNOWN_GROUND)
-    likelihood = Likelihood(window, profile)
+    likelihood = Likelihood(window, profile, drift_sd)
     excess = MAX_EXCESS * _noise_ratio(float(np.nanmin(chi_square)), profile) ** 2 / independent_share
     starts = [_finest(window, profile, lattice, at) for at in _candidates(chi_square, lattice, window.cell_m, excess)]
     minima = [_refine(likelihood, start, window.cell_m) for start in starts]
     best = min(minima, key=lambda minimum: minimum.chi_square)
+    for _ in range(DRIFT_ITERATIONS if drift_sd > 0.0 else 0):
+        likelihood = Likelihood(window, profile, drift_sd, best.drift)
+        best = _refine(likelihood, best.shift, window.cell_m)
     if best.step is None:
         return _without_position(profile, Refusal.FLAT)
     noise = _noise_ratio(best.chi_square, profile)
@@ -118,7 +128,8 @@ def match(
         shift=shift,
         cov=cov,
         up=-float(best.height_error + best.height_slope @ (shift - best.shift)),
-        up_sd=math.sqrt(1.0 / (profile.total_weight * scale) + best.height_slope @ cov @ best.height_slope),
+        up_sd=math.sqrt(best.height_variance / scale + best.height_slope @ cov @ best.height_slope),
+        drift=best.drift,
         ambiguity=ambiguity,
         noise_ratio=noise,
         refusals=frozenset(reason for reason, applies in tests.items() if applies),
@@ -132,7 +143,7 @@ def _noise_ratio(chi_square: float, profile: Profile) -> float:
 
 def _without_position(profile: Profile, reason: Refusal) -> MatchFix:
     shift, cov = np.full(2, np.nan), np.full((2, 2), np.inf)
-    return MatchFix(profile.middle, shift, cov, math.nan, math.inf, 1.0, math.nan, frozenset({reason}))
+    return MatchFix(profile.middle, shift, cov, math.nan, math.inf, np.zeros(2), 1.0, math.nan, frozenset({reason}))
 
 
 def _candidates(chi_square: Array, lattice: Lattice, cell_m: float, excess: float) -> Array:

@@ -17,6 +17,8 @@ of the navigated height with 5 m, and the noise of the altimeter with 1.5 m.
             in 99 % of the fixes that are not refused
     C       a laser that rolls by 10 deg: the error with compensation for every shift (section 4.5) is smaller than with
             slant ranges as heights (p < 0.01, sign test over runs)
+    D       a position that drifts with 0.5 m/s: the error with offset and drift (section 4.4, fig. 4.27) is smaller
+            than with an offset only (p < 0.01); error^2 over covariance as N
     H       confident wrong fixes (outside of 99.9 % and 30 m) after acquisition, at most 3 of N each: over flat ground,
             repeated ground, with a stuck altimeter, with a start that is 2 km wrong; over good ground at least 80 % are
             confirmed

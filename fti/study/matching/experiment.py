@@ -44,7 +44,9 @@ BEST_SHARE = 0.1
 #: The banked flight: height above the highest ground [m], amplitude [rad] and period [s] of the roll.
 HEIGHT_AGL_M, MAX_ROLL, ROLL_PERIOD_S = 80.0, math.radians(10.0), 8.0
 WRONG_START_M = 2000.0
-#: One sigma of the drift of the navigated position that acquisition assumes [m/s].
+#: One sigma of the drift of the navigated position in the flights with drift [m/s].
+DRIFT_SD_MPS = 0.5
+#: The same that acquisition assumes [m/s].
 DRIFT_MPS = 0.1
 HOSTILE = ("good ground", "flat ground", "repeated ground", "stuck altimeter", "wrong start")
 
@@ -73,30 +75,34 @@ class Track:
 
     middle       : of the first window [m];  heading : [rad]
     error        : true minus navigated position [m];  height_error : navigated minus true height [m]
+    drift        : change of the error with time, which is zero in the middle of a window [m/s]
     """
 
     middle: Array
     heading: float
     error: Array
     height_error: float
+    drift: Array
 
     def profile(self, ground: Terrain, rng: Rng, window: int = 0, *, is_stuck: bool = False) -> Profile:
         """The profile that is measured in a window."""
         t = np.asarray(PERIOD_S * (np.arange(SAMPLES) + window * SAMPLES), dtype=np.float64)
         along = SPEED_MPS * (t - 0.5 * PERIOD_S * SAMPLES)
         east, north = self.middle[0] + along * math.sin(self.heading), self.middle[1] + along * math.cos(self.heading)
-        up = ground.up(east + self.error[0], north + self.error[1])
+        off_east, off_north = self.error[:, None] + self.drift[:, None] * (t - t.mean())
+        up = ground.up(east + off_east, north + off_north)
         up = np.full(SAMPLES, up[0]) if is_stuck else up + NOISE_M * rng.standard_normal(SAMPLES)
         return Profile(t, east, north, up + self.height_error, np.full(SAMPLES, NOISE_M), HEIGHT_SD_M)
 
 
-def draw_track(ground: Terrain, rng: Rng, error: Array) -> Track:
+def draw_track(ground: Terrain, rng: Rng, error: Array, drift: Array | None = None) -> Track:
     """A track whose windows stay within the ground."""
     layer = ground.finest
     centre = np.array([0.5 * (layer.east0 + layer.east1), 0.5 * (layer.north0 + layer.north1)])
     heading = float(rng.uniform(0.0, math.tau))
     back = SPEED_MPS * PERIOD_S * SAMPLES * 0.5 * (FIXES - 1) * np.array([math.sin(heading), math.cos(heading)])
-    return Track(centre + rng.uniform(-500.0, 500.0, 2) - back, heading, error, HEIGHT_SD_M * rng.standard_normal())
+    middle, height_error = centre + rng.uniform(-500.0, 500.0, 2) - back, HEIGHT_SD_M * rng.standard_normal()
+    return Track(middle, heading, error, height_error, np.zeros(2) if drift is None else drift)
 
 
 @dataclass(frozen=True)
@@ -121,12 +127,16 @@ class Flight:
 
     uncertain : error and sigma of the fix [m]; None if refused
     banked    : error of the fix with compensation for every shift, and without [m]
+    drifting  : error of the fix with offset and drift, and with a constant offset [m]
+    nees      : error^2 over covariance of the former, halved
     """
 
     synthetic: GroundResult
     real: GroundResult
     uncertain: tuple[float, float] | None
     banked: tuple[float, float]
+    drifting: tuple[float, float]
+    nees: float
 
 
 def fly(seed: int) -> Flight:
@@ -134,7 +144,8 @@ def fly(seed: int) -> Flight:
     rng = np.random.default_rng([seed, 4])
     ground = synthetic_ground(seed // RUNS_PER_GROUND)
     synthetic, real = _match_exact(ground, rng), _match_exact(real_ground(), rng)
-    return Flight(synthetic, real, _match_uncertain(ground, rng), _match_banked(ground, rng))
+    uncertain, banked = _match_uncertain(ground, rng), _match_banked(ground, rng)
+    return Flight(synthetic, real, uncertain, banked, *_match_drifting(ground, rng))
 
 
 def lattice_over(ground: Terrain) -> Lattice:
@@ -218,6 +229,18 @@ def _match_banked(ground: Terrain, rng: Rng) -> tuple[float, float]:
     closed = match(surface, measured, Lattice(10))
     plain = match(cut_window(ground, measured, reach_m + ground.finest.cell_m), measured, Lattice(10))
     return float(np.hypot(*(closed.shift - track.error))), float(np.hypot(*(plain.shift - track.error)))
+
+
+def _match_drifting(ground: Terrain, rng: Rng) -> tuple[tuple[float, float], float]:
+    """Errors of two fixes of a position that drifts [m]: offset and drift, offset only; error^2 over covariance."""
+    drift = DRIFT_SD_MPS * rng.standard_normal(2)
+    track = draw_track(ground, rng, POSITION_SD_M * rng.standard_normal(2), drift)
+    profile, lattice = track.profile(ground, rng), lattice_over(ground)
+    window = window_around(ground, profile, lattice)
+    both, constant = match(window, profile, lattice, drift_sd=DRIFT_SD_MPS), match(window, profile, lattice)
+    off = both.shift - track.error
+    errors = (float(np.hypot(*off)), float(np.hypot(*(constant.shift - track.error))))
+    return errors, float(0.5 * off @ np.linalg.solve(both.cov, off))
 
 
 # -------------------------------------------------------------------------------------------------- hostile cases

@@ -11,7 +11,7 @@ from fti.arrays import Array
 from fti.nav.terrain_matching.printed_metric import matching_covariance
 from fti.nav.terrain_matching.search import five_point_search
 from fti.study import StudyResult
-from fti.study.matching.experiment import HOSTILE, Confirmed, Flight, GroundResult
+from fti.study.matching.experiment import DRIFT_SD_MPS, HOSTILE, Confirmed, Flight, GroundResult
 from fti.study.statistics import LEVEL, pooled_ratio, ratio_bound, rms, sign_test
 
 #: T7: sigmas of the Gaussian [m], half of the grid in sigma, and the largest relative error.
@@ -64,12 +64,13 @@ def _bowl(place: Array) -> Callable[[Array], Array]:
 
 
 def judge_flights(flights: Sequence[Flight]) -> list[StudyResult]:
-    """B, N, F, E and C."""
+    """B, N, F, E, C and D."""
     grounds = {"synthetic": [f.synthetic for f in flights], "real": [f.real for f in flights]}
     return [
         *(result for name, found in grounds.items() for result in _over_bound(name, found)),
         *_uncertain(flights),
         *_banked(flights),
+        *_drifting(flights),
     ]
 
 
@@ -123,6 +124,19 @@ def _banked(flights: Sequence[Flight]) -> list[StudyResult]:
         StudyResult.reported("C.closed", f"median error [m], {words}: closed loop", float(np.median(closed))),
         StudyResult.reported("C.plain", f"median error [m], {words}: slant ranges as heights", float(np.median(plain))),
         StudyResult("C.order", "p that the closed loop is not better", p, f"< {LEVEL:g}", p < LEVEL),
+    ]
+
+
+def _drifting(flights: Sequence[Flight]) -> list[StudyResult]:
+    both, constant = ([flight.drifting[k] for flight in flights] for k in range(2))
+    p = sign_test(sum(a < b for a, b in zip(both, constant, strict=True)), len(flights))
+    nees, (low, high) = float(np.mean([flight.nees for flight in flights])), NEES_BAND
+    words = f"drift of {DRIFT_SD_MPS:g} m/s, {len(flights)} flights"
+    return [
+        StudyResult.reported("D.both", f"median error [m], {words}: offset and drift", float(np.median(both))),
+        StudyResult.reported("D.constant", f"median error [m], {words}: offset only", float(np.median(constant))),
+        StudyResult("D.order", "p that offset and drift are not better", p, f"< {LEVEL:g}", p < LEVEL),
+        StudyResult("D.nees", "error^2 over covariance, halved", nees, f"{low} to {high}", low <= nees <= high),
     ]
 
 

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import RegularGridInterpolator
+from scipy.optimize import least_squares
 
+from fti.arrays import Array
 from fti.nav.terrain_matching.acquisition import Acquisition
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match
 from fti.nav.terrain_matching.printed_metric import matching_covariance, mean_absolute_residual
@@ -50,6 +53,70 @@ def test_errors_have_the_stated_covariance_and_that_is_the_bound() -> None:
         heights.append(((fix.up + height_error) / fix.up_sd) ** 2)
     assert np.mean(distances) == pytest.approx(2.0, abs=4.0 * 2.0 / np.sqrt(flights))
     assert np.mean(heights) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / flights))
+
+
+def drifting(ground: Terrain, error: Array, drift: Array, noise: Array | float) -> Profile:
+    """A profile whose position error is ``error`` in the middle and changes by ``drift`` [m/s]."""
+    still = fly(ground)
+    off = error + drift * (still.t - still.middle)[:, None]
+    up = ground.up(still.east + off[:, 0], still.north + off[:, 1])
+    return Profile(still.t, still.east, still.north, up + noise, still.sd, still.height_sd)
+
+
+def test_offset_and_drift_are_found_together() -> None:
+    """Without noise and with a wide prior: 0.5 m and 0.1 m/s."""
+    ground, error, drift = hills(), np.array([21.0, -34.0]), np.array([1.2, -0.8])
+    fix = fix_of(ground, drifting(ground, error, drift, 0.0), drift_sd=3.0)
+    assert fix.shift == pytest.approx(error, abs=0.5)
+    assert fix.drift == pytest.approx(drift, abs=0.1)
+
+
+def test_the_fix_is_the_least_squares_solution_of_shift_drift_and_height() -> None:
+    """Against SciPy's solver on the same surface, started at the truth; the noise is that of the samples."""
+    ground, rng = hills(), np.random.default_rng(12)
+    error, drift, drift_sd = np.array([8.0, 5.0]), np.array([0.6, -0.4]), 0.5
+    profile = drifting(ground, error, drift, rng.standard_normal(80))
+    layer, tau = ground.finest, profile.t - profile.middle
+    surface = RegularGridInterpolator((layer.north, layer.east), layer.heights)
+
+    def residuals(unknown: Array) -> Array:
+        east = profile.east + unknown[0] + unknown[2] * tau
+        north = profile.north + unknown[1] + unknown[3] * tau
+        misfit = (profile.ground - surface(np.column_stack((north, east))) - unknown[4]) / profile.sd
+        return np.concatenate((misfit, unknown[2:4] / drift_sd, unknown[4:] / profile.height_sd))
+
+    solution = least_squares(residuals, np.concatenate((error, drift, [0.0])), x_scale=[1.0, 1.0, 0.1, 0.1, 1.0])
+    fix = fix_of(ground, profile, drift_sd=drift_sd)
+    assert fix.drift == pytest.approx(solution.x[2:4], abs=0.05)
+    assert np.linalg.norm(fix.shift - solution.x[:2]) < 0.5 * np.sqrt(np.linalg.eigvalsh(fix.cov)[-1])
+
+
+def test_a_drift_that_is_allowed_enlarges_the_covariance_and_covers_the_error() -> None:
+    """100 flights with drifts of 0.5 m/s: mean of error^2 over covariance 2 within four sigma; without it far above."""
+    ground, flights = hills(), 100
+    rng = np.random.default_rng(14)
+    with_drift: list[float] = []
+    without: list[float] = []
+    for _ in range(flights):
+        error, drift = rng.uniform(-40.0, 40.0, 2), 0.5 * rng.standard_normal(2)
+        profile = drifting(ground, error, drift, rng.standard_normal(80))
+        for drift_sd, distances in ((0.5, with_drift), (0.0, without)):
+            fix = fix_of(ground, profile, drift_sd=drift_sd)
+            off = fix.shift - error
+            distances.append(float(off @ np.linalg.solve(fix.cov, off)))
+    assert np.mean(with_drift) == pytest.approx(2.0, abs=4.0 * 2.0 / np.sqrt(flights))
+    assert np.mean(without) > 1.5 * np.mean(with_drift)
+
+
+def test_the_height_has_its_stated_sigma() -> None:
+    """200 flights: mean of (error / sigma)^2 is 1 within four sigma; the error of the navigated height is 5 m."""
+    ground, flights = hills(), 200
+    rng, ratios = np.random.default_rng(15), []
+    for _ in range(flights):
+        height_error = rng.normal(0.0, 5.0)
+        fix = fix_of(ground, fly(ground, noise=rng.standard_normal(80), height_error=height_error), steps=6)
+        ratios.append((fix.up + height_error) / fix.up_sd)
+    assert np.mean(np.square(ratios)) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / flights))
 
 
 def test_a_sigma_that_is_stated_too_small_is_enlarged_by_the_residuals() -> None:
@@ -184,7 +251,7 @@ def test_the_printed_metric_is_the_mean_absolute_residual_without_its_mean() -> 
 
 
 def fix_at(t: float, east: float, north: float, sd: float = 3.0, *reasons: Refusal) -> MatchFix:
-    return MatchFix(t, np.array([east, north]), sd**2 * np.eye(2), 0.0, 1.0, 0.0, 1.0, frozenset(reasons))
+    return MatchFix(t, np.array([east, north]), sd**2 * np.eye(2), 0.0, 1.0, np.zeros(2), 0.0, 1.0, frozenset(reasons))
 
 
 def test_three_fixes_that_agree_confirm_a_position() -> None:
