@@ -17,6 +17,8 @@ MAX_SPACING_PER_GATE = 100.0
 MAX_UNDULATION_M = 107.0
 #: Receivers that are not export controlled give no output at higher speeds (MTCR Annex, item 11.A.3).
 MAX_RECEIVER_SPEED_MPS = 600.0
+#: More than half the length and half the span of the largest airliner (Airbus A380: 72.7 m, 79.8 m).
+MAX_LEVER_ARM_M = 50.0
 #: Limits of an altimeter at which no value violates them [deg].
 ANGLES = {"max_roll_deg": 180.0, "max_pitch_deg": 90.0, "max_incidence_deg": 90.0}
 #: Limits of an altimeter that are tested over known terrain only.
@@ -27,6 +29,9 @@ def limit_warnings(config: Config, layers: Sequence[Mapping[str, Any]]) -> Itera
     """Sentences that begin with the key.  layers : of the terrain, as ``describe_layers`` gives them"""
     yield from _flight_limits(config)
     for i, device in enumerate(config.device):
+        if device.lever_arm_b and max(map(abs, device.lever_arm_b)) > MAX_LEVER_ARM_M:
+            arm = ", ".join(f"{value:g}" for value in device.lever_arm_b)
+            yield f"device[{i}].lever_arm_b = [{arm}]: longer than {MAX_LEVER_ARM_M:g} m: metres, not millimetres?"
         if device.altimeter is None:
             continue
         key = f"device[{i}].altimeter"

@@ -61,11 +61,17 @@ def config_text(file: Path, name: str, ports: Sequence[NamedPort], answers: Answ
         found = port.found
         parts.append(f"\n[[link]]\nname = {json.dumps(port.link)}\n{_keys(found.link)}")
         if found.device is None:
-            state = f"{found.received} bytes came, which no driver decodes" if found.received else "no byte came"
             listen = f"fti listen {port.link} --config {file}"
-            parts.append(f"# {state}: it is recorded and not decoded.  CHECK: {listen}\n")
+            parts.append(f"# {_silence(found)}: it is recorded and not decoded.  CHECK: {listen}\n")
     parts += [_device(port, answers) for port in ports if port.found.device]
     return "".join([*parts, *_roles(ports, answers)])
+
+
+def _silence(port: FoundPort) -> str:
+    """Why no device is found on a port."""
+    if port.is_busy:
+        return "the address was in use" if port.link["kind"] == "udp" else "the port was in use"
+    return f"{port.received} bytes came, which no driver decodes" if port.received else "no byte came"
 
 
 def is_mounted(device: FoundDevice) -> bool:
@@ -119,7 +125,7 @@ def _device(port: NamedPort, answers: Answers) -> str:
         f"driver = {json.dumps(device.driver)}  # its options: fti drivers {device.driver}\n"
     ]
     if device.rate_hz > 0.0:
-        lines.append(f"rate_hz = {device.rate_hz:.2g}  # as measured; a lower rate is reported\n")
+        lines.append(f"rate_hz = {_two_digits(device.rate_hz)}  # as measured; a lower rate is reported\n")
     if is_mounted(device):
         known = answers.lever_arms.get(port.device)
         lines += [LEVER_ARM.format(json.dumps(known or [0.0, 0.0, 0.0]), "" if known else "CHECK: "), MOUNTING]
@@ -132,6 +138,11 @@ def _device(port: NamedPort, answers: Answers) -> str:
             )
             break
     return "".join(lines)
+
+
+def _two_digits(value: float) -> str:
+    """A number with two significant digits, without exponent."""
+    return f"{float(f'{value:.1e}'):g}"
 
 
 def _roles(ports: Sequence[NamedPort], answers: Answers) -> Iterator[str]:

@@ -14,6 +14,7 @@ from fti.clock import SystemClock, choose_epoch_ns
 from fti.constants import SECOND_NS
 from fti.errors import LinkError
 from fti.links import open_link, per_frame_sink
+from fti.messages.frames import LinkState
 from fti.messages.measurements import Measurement
 from fti.service.navigation.device_monitor import default_decoders
 
@@ -40,12 +41,16 @@ class FoundDevice:
 
 @dataclass(frozen=True, slots=True)
 class FoundPort:
-    """A port.  link : its table in the configuration; received : bytes; device : None if no driver decodes them"""
+    """A port.  link : its table in the configuration; received : bytes; device : None if no driver decodes them
+
+    fault, is_busy : why it could not be opened, and whether another program uses it
+    """
 
     link: Mapping[str, Any]
     received: int
     device: FoundDevice | None = None
     fault: str = ""
+    is_busy: bool = False
 
 
 class _Listener:
@@ -119,9 +124,8 @@ def describe(port: FoundPort) -> str:
     if device := port.device:
         baud = f" at {link['baud']} baud" if "baud" in link else ""
         return f"{where}: {device.driver}{baud}, {device.share:.0%} of {port.received} bytes, {device.rate_hz:.1f} Hz"
-    return (
-        f"{where}: {port.fault or (f'{port.received} bytes that no driver decodes' if port.received else 'no bytes')}"
-    )
+    silence = f"{port.received} bytes that no driver decodes" if port.received else "no bytes"
+    return f"{where}: {port.fault.removeprefix(f'{where}: ') or silence}"
 
 
 async def _listen(table: dict[str, Any], duration_s: float) -> FoundPort:
@@ -137,4 +141,4 @@ async def _listen(table: dict[str, Any], duration_s: float) -> FoundPort:
         with contextlib.suppress(asyncio.CancelledError, LinkError):
             await running
     fault = "" if opened.status.connects else opened.status.hint
-    return FoundPort(table, listener.received, listener.best(), fault)
+    return FoundPort(table, listener.received, listener.best(), fault, opened.status.state == LinkState.BUSY)

@@ -18,7 +18,7 @@ import argparse
 import asyncio
 from typing import TYPE_CHECKING
 
-from fti.cli._arguments import seconds
+from fti.cli._arguments import seconds, whole_number
 from fti.cli._printing import print_line
 
 if TYPE_CHECKING:
@@ -36,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "target", metavar="LINK|PORT", help="link of the configuration, tty, address:port, CAN interface"
     )
     parser.add_argument("--config", metavar="CONFIG", help="configuration that defines LINK")
-    parser.add_argument("--baud", type=int, metavar="N", help="baud rate of a port (default: configured, or 115200)")
+    parser.add_argument(
+        "--baud", type=whole_number(50, 100_000_000), metavar="N", help="baud rate (default: configured, or 115200)"
+    )
     parser.add_argument("--duration", type=seconds, metavar="S", help="end after S seconds")
 
 

@@ -11,6 +11,9 @@ takes the default.  Elsewhere it asks nothing.  Lines with CHECK in the file are
   fti new aircraft.toml --udp 192.168.10.1:14550 --seconds 5
   fti new bench.toml --links /tmp/links --udp 127.0.0.1:47401 --slcan /tmp/links/air_can     ports of an emulator
 
+A port that another program uses is skipped, with a line that names the program.  The exit code is 1, and no file is
+written, if no device is found.
+
 Then: fti check aircraft.toml, fti check aircraft.toml --live, fti run aircraft.toml.
 """
 
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SLCAN_BITRATE = 500_000
+EXIT_NOTHING_FOUND = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,18 +69,31 @@ def run(args: argparse.Namespace) -> int:
     if not links:
         raise MissingError("no free port: connect a device (fti ports lists the ports), or name addresses with --udp")
     print_line(
-        f"listening on {len(links)} ports, {args.seconds:g} s for each of {len(BAUD_RATES)} baud rates", error=True
+        f"listening on {_count(len(links), 'port')}, {args.seconds:g} s for each of {len(BAUD_RATES)} baud rates",
+        error=True,
     )
     with show_progress("listening") as show:
         found = asyncio.run(survey(links, args.seconds, lambda share: show("listening", share)))
     for port in found:
         print_line(describe(port), error=True, flush=True)
+    if not any(port.device for port in found):
+        what = "no driver decodes the data" if any(port.received for port in found) else "no data on any port"
+        print_line(
+            f"fti: {what}: switch the devices on, check the cables; fti listen PORT shows the bytes; no file written",
+            error=True,
+        )
+        return EXIT_NOTHING_FOUND
     ports = name_ports(found)
     text = config_text(args.file, name, ports, ask_answers(ports) if asks else Answers())
     ValidatedConfig(configuration.parse(tomllib.loads(text), text, args.file), epoch_ns=0)
     write_new_file(args.file, text.encode())
-    print_line(f"{args.file}: {sum(port.device is not None for port in found)} devices; next: fti check {args.file}")
+    devices = _count(sum(port.device is not None for port in found), "device")
+    print_line(f"{args.file}: {devices}; next: fti check {args.file}")
     return 0
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _name(args: argparse.Namespace, *, asks: bool) -> str:
@@ -100,14 +117,18 @@ def _links(args: argparse.Namespace, *, asks: bool) -> list[dict[str, Any]]:
     from fti.links.ports import can_interfaces, serial_ports
 
     folder = Path(args.links) if args.links else None
-    free = [Path(port.name) for port in serial_ports(folder) if port.state == "free"]
-    serial = [str(port.absolute()) for port in free if _is_wanted(port, folder)]
+    wanted = [port for port in serial_ports(folder) if _is_wanted(Path(port.name), folder)]
+    for port in wanted:
+        if port.state != "free":
+            why = f"in use by {port.used_by}" if port.used_by else port.detail
+            print_line(f"{port.name}: skipped, {port.state} ({why})", error=True)
+    serial = [str(Path(port.name).absolute()) for port in wanted if port.state == "free"]
     buses = [] if folder else [interface.name for interface in can_interfaces() if interface.state == "up"]
     slcan = [str(Path(name).absolute()) for name in args.slcan] or (ask_adapters(serial) if asks else [])
     addresses = args.udp or (ask_addresses() if asks else [])
     return [
-        *({"kind": "serial", "port": port} for port in serial if port not in slcan),
-        *({"kind": "can", "interface": "slcan", "channel": port, "bitrate": SLCAN_BITRATE} for port in slcan),
+        *({"kind": "serial", "port": name} for name in serial if name not in slcan),
+        *({"kind": "can", "interface": "slcan", "channel": name, "bitrate": SLCAN_BITRATE} for name in slcan),
         *({"kind": "can", "interface": "socketcan", "channel": name} for name in buses),
         *({"kind": "udp", "bind": address} for address in addresses),
     ]

@@ -4,9 +4,9 @@
   fti ports --links /tmp/lab      also the ports of an emulator in that folder
   fti ports --json
 
-One port per line, beginning with its name for the configuration.  A serial port is free, busy (open in a program; only
-root sees programs of other users) or denied (no permission: names the group); an interface is up or down.  The command
-opens no port.
+One port per line, beginning with its name for the configuration.  A serial port is free, busy (in use by a program;
+only root sees programs of other users) or denied (no permission: names the group); an interface is up or down.  The
+command opens no port.
 """
 
 from __future__ import annotations
@@ -39,5 +39,6 @@ def run(args: argparse.Namespace) -> int:
         return 0
     width = max((len(port.name) for port in found), default=0)
     for port in found:
-        print_line(f"{port.name:<{width}}  {port.kind:<6}  {port.state:<6}  {port.detail}".rstrip())
+        used = f"; in use by {port.used_by}" if port.used_by else ""
+        print_line(f"{port.name:<{width}}  {port.kind:<6}  {port.state:<6}  {port.detail}{used}".rstrip())
     return 0

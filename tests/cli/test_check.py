@@ -467,6 +467,11 @@ WITHOUT_EFFECT = (
         'position = ["gnss"]\nradio.receiver = "gnss"',
         "nav.radio.receiver: gnss and all devices of nav.position are on link b",
     ),
+    (
+        'driver = "nmea0183"',
+        'driver = "nmea0183"\nlever_arm_b = [400, 0, -51]',
+        "device[1].lever_arm_b = [400, 0, -51]: longer than 50 m: metres, not millimetres?",
+    ),
     ("[nav]", SPARE_ALTIMETER + "[nav]", "device[3].altimeter: is not used: laser is not in nav.altimeters"),
 )
 

@@ -117,3 +117,9 @@ def test_what_cannot_be_is_one_sentence(
     error = capsys.readouterr().err
     assert words in error
     assert len(error.splitlines()) == 1
+
+
+def test_a_baud_rate_that_no_line_has(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["listen", "/dev/ttyS0", "--baud", "0"])
+    assert "--baud: '0': must be a whole number from 50 to 100000000" in capsys.readouterr().err

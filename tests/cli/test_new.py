@@ -59,7 +59,7 @@ def test_what_sends_becomes_a_device_and_the_rest_a_link(tmp_path: Path, capsys:
         arguments = ("--links", str(ports), "--udp", address, "--seconds", "1.5")
         assert main(["new", str(file), *arguments]) == 0
     printed = capsys.readouterr()
-    assert f"{file}: 1 devices; next: fti check {file}" in printed.out
+    assert f"{file}: 1 device; next: fti check {file}" in printed.out
     assert f"{address}: no bytes" in printed.err
     config = configuration.load(file)
     assert [(link.name, link.kind) for link in config.link][:2] == [("gnss_line", "serial"), ("spare_line", "serial")]
@@ -139,6 +139,36 @@ def test_a_name_that_no_session_may_have_is_refused_before_listening(
     with pytest.raises(SystemExit):
         main(["new", str(tmp_path / "own.toml"), "--name", "D-XY"])
     assert "--name: 'D-XY': must be lower-case letters" in capsys.readouterr().err
+
+
+def test_a_used_port_is_skipped_and_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A used address is named once; without any data there is no file."""
+    ports, file = tmp_path / "links", tmp_path / "own.toml"
+    ports.mkdir()
+    with sending(ports / "used_line", NMEA), socket.socket(type=socket.SOCK_DGRAM) as used:
+        used.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{used.getsockname()[1]}"
+        with (
+            (ports / "used_line").open("rb", buffering=0) as line,
+            subprocess.Popen(["sleep", "60"], stdin=line) as reader,
+        ):
+            assert main(["new", str(file), "--links", str(ports), "--udp", address, "--seconds", "0.5"]) == 1
+            reader.kill()
+    printed = capsys.readouterr().err.splitlines()
+    assert printed[0] == f"{ports}/used_line: skipped, busy (in use by sleep (process {reader.pid}))"
+    assert printed[1].startswith("listening on 1 port, ")
+    assert f"{address}: in use by another program" in printed
+    assert printed[-1].startswith("fti: no data on any port: ")
+    assert not file.exists()
+
+
+def test_a_used_address_and_a_high_rate_in_the_file(tmp_path: Path) -> None:
+    device = FoundDevice("nmea0183", 1.0, 233.0, frozenset({Position}))
+    used = FoundPort({"kind": "udp", "bind": "127.0.0.1:4001"}, 0, fault="in use", is_busy=True)
+    found = FoundPort({"kind": "udp", "bind": "127.0.0.1:4002"}, 100, device)
+    text = config_text(tmp_path / "own.toml", "own", name_ports([used, found]), Answers())
+    assert "# the address was in use: " in text
+    assert "rate_hz = 230  #" in text
 
 
 def test_a_file_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,7 +27,7 @@ def test_ports_of_an_emulator_and_their_state(tmp_path: Path, capsys: pytest.Cap
         found = {port["name"]: port for port in json.loads(capsys.readouterr().out)}
     finally:
         peer.power_off()
-    assert found[str(peer.path)]["state"] == "busy"  # its other end holds it open too
+    assert found[str(peer.path)]["state"] == "free"  # only the process of its other end holds it open
     assert found[str(peer.path)]["kind"] == "serial"
     assert str(tmp_path / "gone") not in found
 
