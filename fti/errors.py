@@ -18,9 +18,14 @@ import difflib
 from collections.abc import Iterable
 
 
+def similar_name(name: str, known: Iterable[str]) -> list[str]:
+    """The most similar known name; none if none is similar."""
+    return difflib.get_close_matches(name, [*known], n=1)
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The end of an error about an unknown name: the most similar known one; "" if none is similar."""
-    similar = difflib.get_close_matches(name, [*known], n=1)
+    similar = similar_name(name, known)
     return f"; did you mean {similar[0]!r}?" if similar else ""
 
 

@@ -208,7 +208,7 @@ def test_the_scenario_template_is_accepted_for_any_configuration(tmp_path: Path)
         scenario = scenarios.load(file)
         assert scenarios.load_config(scenario).session.name
         assert scenario.model_copy(update={"title": "", "description": "", "config": ""}) == scenarios.parse(
-            {"title": "", "description": "", "config": ""}, file
+            {"title": "", "description": "", "config": ""}, "", file
         ).model_copy(update={"config": ""})
 
 

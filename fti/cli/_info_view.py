@@ -175,7 +175,7 @@ def _alarms(view: Overview) -> Iterator[str]:
 
 def alarm_text(span: AlarmSpan) -> str:
     """One alarm as text."""
-    duration = "to the end" if span.end_ns is None else f"{(span.end_ns - span.begin_ns) / SECOND_NS:.1f} s"
+    duration = "to the end" if span.end_ns is None else f"for {(span.end_ns - span.begin_ns) / SECOND_NS:.1f} s"
     acknowledged = f", acknowledged by {span.acknowledged_by}" if span.acknowledged_by else ""
     cause = f": {span.cause}" if span.cause else ""
     return f"{span.severity}: {span.title}{cause} ({duration}{acknowledged})"

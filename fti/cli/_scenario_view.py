@@ -90,7 +90,9 @@ NOTHING: tuple[str, ...] = ("applies to nothing in this configuration",)
 
 def lines(description: dict[str, Any]) -> Iterator[str]:
     """The lines of a description that ``describe`` returns."""
-    yield f"{description['scenario']}: good"
+    count = len(description["warnings"])
+    remark = f", {count} {'warning' if count == 1 else 'warnings'}" if count else ""
+    yield f"{description['scenario']}: good{remark}"
     yield f"title   {description['title']}"
     yield f"flight  {description['flight']['kind']}, {description['flight']['duration_s']:g} s"
     yield f"config  {description['config']}"

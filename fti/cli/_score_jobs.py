@@ -57,15 +57,19 @@ def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Cal
     from fti.post.reprocess import other_setup
 
     def score(file: Path) -> list[Score]:
+        from fti.cli._emulator_run import print_notice
         from fti.cli._progress import show_progress
+        from fti.hil.emulator import make_environment
         from fti.post.offline_run import fly
 
         scenario = scenarios.load(file)
         folder, step = out if len(names) == 1 else out / file.stem, f"flying {file.stem}"
         with show_progress(step) as show:
-            flown = fly(
-                scenarios.load_config(scenario, config), scenario, folder, progress=lambda share: show(step, share)
-            )
+            setup = scenarios.load_config(scenario, config)
+            world = make_environment(scenario, show)
+            for remark in world.remarks:
+                print_notice(f"warning: {remark}")
+            flown = fly(setup, scenario, folder, world=world, progress=lambda share: show(step, share))
         recording = open_(flown)
         return _score_session(recording, scenario, recording.truth_files, other_setup(str(config)) if config else None)
 

@@ -114,7 +114,7 @@ def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
     for option in ("live", "links"):
         if getattr(args, option):
             args.parser.error(f"--{option}: only with a configuration; {args.file} is a scenario")
-    scenario = scenarios.parse(file.table, file.path)
+    scenario = scenarios.parse(file.table, file.text, file.path)
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
     with show_progress("checking"):
         found = describe(check_scenario(scenario, config, print_notice))

@@ -131,7 +131,7 @@ def _draw(args: argparse.Namespace) -> int:
     with show_progress("preparing") as show:
         world = make_environment(scenarios.load(scenarios.find(args.scenario)), print_notice)
         for remark in world.remarks:
-            print_notice(remark)
+            print_notice(f"warning: {remark}")
         show("drawing")
         plot_style.write_figure(lambda: draw_flight(world), args.plot)
     return 0
@@ -162,8 +162,8 @@ def _prepare(args: argparse.Namespace) -> Emulator:
     emulator = Emulator(config, scenario, ports, truth=truth)
     with show_progress("preparing"):
         emulator.prepare(print_notice, args.duration or float("inf"))
-    for overload in overloads(config, emulator.sensors):
-        print_notice(overload)
+    for warning in (*emulator.remarks, *overloads(config, emulator.sensors)):
+        print_notice(f"warning: {warning}")
     return emulator
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from fti.config.tables import ENDPOINT_PATTERN, NAME_PATTERN, StrictModel
-from fti.errors import ConfigError, did_you_mean
+from fti.errors import ConfigError, did_you_mean, similar_name
 
 Model = TypeVar("Model", bound=StrictModel)
 #: What a text must be, by its pattern.
@@ -17,6 +19,8 @@ PATTERNS = {
     NAME_PATTERN: "must be lower-case letters, digits and _, a letter first",
     ENDPOINT_PATTERN: "must be ADDRESS:PORT, such as '192.168.10.1:4000'",
 }
+#: The command that describes the kinds of a table, by the name of the table.
+COMMAND_OF_KINDS = {"fault": "fti hil --faults"}
 
 
 def bind(model: type[Model], table: Mapping[str, Any], file: str, key: str = "") -> Model:
@@ -37,6 +41,7 @@ def _lists_to_tuples(value: Any) -> Any:
 
 
 def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: str) -> Iterable[str]:
+    misspelt = _misspelt_keys(error, model)
     for item in error.errors():
         where = _key_path(key, item["loc"], model)
         if item["type"] == "extra_forbidden":
@@ -44,10 +49,38 @@ def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: s
             hint = did_you_mean(str(item["loc"][-1]), known)
             yield f"{file}: {where}: there is no such key; allowed here: {', '.join(known) or 'none'}{hint}"
         elif item["type"] == "missing":
-            yield f"{file}: {where}: missing; it must be given"
+            if item["loc"] not in misspelt:  # the error of the misspelt key names it
+                yield f"{file}: {where}: missing; it must be given"
+        elif item["type"] == "union_tag_invalid":
+            yield f"{file}: {_unknown_kind(where, item)}"
+        elif item["type"] == "union_tag_not_found":
+            yield f"{file}: {where}.{_discriminator(item)}: missing; it must be given"
         else:
             message = PATTERNS.get(item.get("ctx", {}).get("pattern", "")) or item["msg"][0].lower() + item["msg"][1:]
             yield f"{file}: {where} = {_format_value(item['input'])}: {message}"
+
+
+def _misspelt_keys(error: ValidationError, model: type[BaseModel]) -> set[tuple[int | str, ...]]:
+    """The keys that the errors of unknown keys propose."""
+    return {
+        (*item["loc"][:-1], name)
+        for item in error.errors()
+        if item["type"] == "extra_forbidden"
+        for name in similar_name(str(item["loc"][-1]), sorted(_known_keys(model, item["loc"][:-1])))
+    }
+
+
+def _unknown_kind(where: str, item: ErrorDetails) -> str:
+    """The sentence about a table of an unknown kind: a similar kind, and all of them or the command that lists them."""
+    kind, known = item["ctx"]["tag"], re.findall(r"'([^']*)'", item["ctx"]["expected_tags"])
+    command = COMMAND_OF_KINDS.get(where.split("[", maxsplit=1)[0])
+    where_known = f"; {command} lists them" if command else f"; allowed: {', '.join(known)}"
+    return f"{where}.{_discriminator(item)}: unknown kind {kind!r}{did_you_mean(kind, known)}{where_known}"
+
+
+def _discriminator(item: ErrorDetails) -> str:
+    """The key that decides the kind of a table."""
+    return str(item["ctx"]["discriminator"]).strip("'")
 
 
 def _key_path(key: str, loc: tuple[int | str, ...], model: type[BaseModel]) -> str:

@@ -104,6 +104,11 @@ class Emulator:
         return self._world.duration if self._world else None
 
     @property
+    def remarks(self) -> Sequence[str]:
+        """Remarks on the flight, for the user before it begins; none before ``prepare``."""
+        return self._world.remarks if self._world else ()
+
+    @property
     def sensors(self) -> Sequence[SimulatedSensor]:
         """The devices; none before ``prepare``."""
         return self._sensors or ()
@@ -122,8 +127,6 @@ class Emulator:
             return
         progress(f"preparing terrain of {self.scenario.airfield}")
         self._world = self._world or make_environment(self.scenario, progress)
-        for remark in self._world.remarks:
-            progress(remark)
         self._sensors = make_sensors(self.config, self._world, self.scenario.seed, progress)
         self.power = connect_power(self._sensors, self.scenario)
         check_fault_quantities(self._sensors, self._world)

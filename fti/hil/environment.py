@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -86,7 +86,7 @@ class Environment:
         self.remarks = (
             build.remarks
             + _check_coverage(build.flight, ground, scenario.source_name)
-            + _unreached_faults(scenario, self.duration)
+            + tuple(_faults_beyond_flight(scenario, self.duration))
         )
         self._radars = functools.cache(NearestReturn)
 
@@ -147,12 +147,13 @@ class Environment:
         return self.terrain.height(state.lat, state.lon)
 
 
-def _unreached_faults(scenario: Scenario, duration: float) -> tuple[str, ...]:
-    return tuple(
-        f"fault[{i}], {describe(fault)}, begins at {fault.from_s:g} s, but the flight ends at {duration:.0f} s"
-        for i, fault in enumerate(scenario.fault)
-        if not isinstance(fault, WholeFlightFault) and fault.from_s >= duration
-    )
+def _faults_beyond_flight(scenario: Scenario, duration: float) -> Iterator[str]:
+    """Remarks on faults that begin or end after the flight."""
+    for i, fault in enumerate(scenario.fault):
+        if isinstance(fault, WholeFlightFault) or fault.to_s <= duration:
+            continue
+        event = f"begins at {fault.from_s:g} s" if fault.from_s >= duration else f"ends at {fault.to_s:g} s"
+        yield f"fault[{i}], {describe(fault)}, {event}, but the flight ends at {duration:.0f} s"
 
 
 def _check_coverage(flight: SplineFlight, terrain: Terrain, title: str) -> tuple[str, ...]:

@@ -131,11 +131,15 @@ def test_who_takes_over_belongs_to_the_fault_that_takes_the_last_device(capsys: 
 
 def test_a_fault_behind_the_end_is_a_warning(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file.write_text(HEAD + CUT.replace("30", "90").replace("36", "99"))
-    content = checked(file, capsys)
+    assert main(["check", str(file), "--json"]) == 0
+    streams = capsys.readouterr()
+    assert "fault[0]" not in streams.err
+    content = json.loads(streams.out)
     assert ["the flight ends at 82 s" in warning for warning in content["warnings"]] == [True]
     assert all(flag["after_flight"] for flag in content["faults"][0]["subjects"][0]["flags"])
     printed = "\n".join(lines(content))
-    assert "\nwarning: fault[0], cable cut, begins at 90 s" in printed
+    assert ": good, 1 warning\n" in printed
+    assert printed.splitlines()[-1].startswith("warning: fault[0], cable cut, begins at 90 s")
     assert "after the end of the flight" in printed
 
 

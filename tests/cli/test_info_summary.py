@@ -140,7 +140,8 @@ def test_the_worst_alarm_is_the_longest_of_the_worst_severity(
         log.write_json("/fti/alarm", change.t_ns, to_table(change))
     log.close()
     assert (
-        summary(folder.path, capsys)["alarms"] == "3 (2 warning, 1 caution), the worst: warning: ALERT: cause (3.0 s)"
+        summary(folder.path, capsys)["alarms"]
+        == "3 (2 warning, 1 caution), the worst: warning: ALERT: cause (for 3.0 s)"
     )
 
 

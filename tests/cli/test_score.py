@@ -253,10 +253,14 @@ def test_several_are_flown_each_below_a_folder_of_its_name(tmp_path: Path, capsy
     daemon_config(tmp_path)
     for name, seed in (("one", 1), ("two", 2)):
         text = SCENARIO.format(seed=seed).replace("duration_s = 38", "duration_s = 14").replace('"test"', f'"{name}"')
+        text = text.replace("to_s = 13", "to_s = 15" if name == "two" else "to_s = 13")
         (tmp_path / f"{name}.toml").write_text(text)
     files = [str(tmp_path / "one.toml"), str(tmp_path / "two.toml")]
     assert main(["score", *files, "--fly", str(tmp_path / "out"), "--json"]) == 0
-    one, two = json.loads(capsys.readouterr().out)
+    streams = capsys.readouterr()
+    assert streams.err.count("warning: ") == 1
+    assert "warning: fault[0], cable cut, ends at 15 s, but the flight ends at 14 s" in streams.err
+    one, two = json.loads(streams.out)
     assert (one["scenario"], two["scenario"]) == ("one", "two")
     assert Path(one["truth"]).parents[1] == tmp_path / "out" / "one"
     assert Path(two["truth"]).parents[1] == tmp_path / "out" / "two"

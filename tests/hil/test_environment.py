@@ -88,11 +88,13 @@ def test_an_obstacle_outside_the_ground_is_refused() -> None:
         world(fault=(box,))
 
 
-def test_a_fault_after_the_end_of_the_flight_is_reported() -> None:
-    cut = {"kind": "cut", "devices": ("altimeter",), "to_s": 60.0}
-    (remark,) = world(fault=({**cut, "from_s": 50.0},)).remarks
+def test_a_fault_that_begins_or_ends_after_the_flight_is_reported() -> None:
+    cut = {"kind": "cut", "devices": ("altimeter",)}
+    (remark,) = world(fault=({**cut, "from_s": 50.0, "to_s": 60.0},)).remarks
     assert remark == "fault[0], cable cut, begins at 50 s, but the flight ends at 10 s"
-    assert world(fault=({**cut, "from_s": 9.0},)).remarks == ()
+    (remark,) = world(fault=({**cut, "from_s": 9.0, "to_s": 60.0},)).remarks
+    assert remark == "fault[0], cable cut, ends at 60 s, but the flight ends at 10 s"
+    assert world(fault=({**cut, "from_s": 9.0, "to_s": 10.0},)).remarks == ()
 
 
 @pytest.mark.parametrize("kind", ["laser", "radar"])

@@ -54,10 +54,6 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("[flight]\nspeed = 60\n", r"flight.speed: there is no such key; allowed here: .*speed_mps"),
-        (
-            '[[fault]]\nkind = "explosion"\n',
-            r"'obstacle', 'off_track', 'terrain_shift', 'stuck', 'invalid', 'bias'",
-        ),
         ('[[fault]]\nkind = "can_status"\nflags = []\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*flags"),
         ('[[fault]]\nkind = "can_status"\nflags = ["dull"]\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*'rx_fifo_full'"),
         ('[[fault]]\nkind = "cut"\nfrom_s = 5\nto_s = 5\n', r"fault\[0\].to_s = 5.0: must be after from_s"),
@@ -73,6 +69,18 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
         ('[[fault]]\nkind = "latency"\nby_s = 0\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*by_s"),
         ('[[fault]]\nkind = "undulation"\nstated = "none"\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*'zero'"),
         ("[flight]\nduration_s = 0\n", r"flight.duration_s = 0"),
+        (
+            '[[fault]]\nkind = "frozen"\nfrom_s = 0\nto_s = 5\n',
+            r"s.toml: fault\[0\].kind: unknown kind 'frozen'; did you mean 'freeze'\?; "
+            r"fti hil --faults lists them \(line \d+\)$",
+        ),
+        (
+            '[[fault]]\nkind = "explosion"\n',
+            r"fault\[0\].kind: unknown kind 'explosion'; fti hil --faults lists them \(",
+        ),
+        ("[[fault]]\nfrom_s = 0\n", r"fault\[0\].kind: missing; it must be given"),
+        ('[[fault]]\nkind = "cut"\nfrom_s = 5\nto_ss = 6\n', r"^[^\n]*fault\[0\].to_ss: [^\n]*'to_s'\? \(line \d+\)$"),
+        ('[flight]\nkind = "aproach"\n', r"flight.kind: unknown kind 'aproach'; did you mean 'approach'\?; allowed: "),
     ],
 )
 def test_mistakes_are_named(tmp_path: Path, text: str, message: str) -> None:

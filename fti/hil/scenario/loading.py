@@ -19,12 +19,20 @@ from fti.hil.tables.schema import Scenario
 
 def load(path: Path) -> Scenario:
     """Read and check a scenario.  Raises ConfigError or MissingError."""
-    table, _ = configuration.read_toml(path)
-    return parse(table, path)
+    table, text = configuration.read_toml(path)
+    return parse(table, text, path)
 
 
-def parse(table: Mapping[str, Any], path: Path) -> Scenario:
-    """The scenario in a TOML table; path : its file (for messages and relative paths).  Raises ConfigError."""
+def parse(table: Mapping[str, Any], text: str, path: Path) -> Scenario:
+    """The scenario in a TOML table.  Raises ConfigError.
+
+    text, path : of its file, for the lines of errors, and for relative paths
+    """
+    with configuration.error_lines(str(path), text):
+        return _parse(table, path)
+
+
+def _parse(table: Mapping[str, Any], path: Path) -> Scenario:
     scenario = configuration.bind(Scenario, table, str(path)).with_file(str(path))
     for i, fault in enumerate(scenario.fault):
         if not isinstance(fault, WholeFlightFault) and fault.from_s >= fault.to_s:
