@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 import sys
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Sequence
@@ -13,6 +14,7 @@ from fti.cli._arguments import session_name
 from fti.cli._keyboard import in_foreground
 from fti.cli._new_config import Answers, NamedPort, is_mounted, role_candidates
 from fti.cli._printing import print_line
+from fti.config.tables import ENDPOINT_PATTERN
 from fti.terminal_text import escape_controls
 
 Answer = TypeVar("Answer")
@@ -78,7 +80,7 @@ def _addresses(text: str) -> list[str]:
         host, _, port = address.rpartition(":")
         try:
             ipaddress.ip_address(host.strip("[]"))
-            is_valid = 0 < int(port) < 2**16
+            is_valid = 0 < int(port) < 2**16 and re.fullmatch(ENDPOINT_PATTERN, address) is not None
         except ValueError:
             is_valid = False
         if not is_valid:
@@ -90,7 +92,7 @@ def _names(known: Sequence[str], text: str) -> list[str]:
     names = text.replace(",", " ").split()
     for i, name in enumerate(names):
         if name not in known or name in names[:i]:
-            raise ArgumentTypeError(f"{name!r}: must be different ones of {', '.join(known)}")
+            raise ArgumentTypeError(f"{name!r}: allowed, each once: {', '.join(known)}")
     return names
 
 
