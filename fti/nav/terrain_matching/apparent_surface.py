@@ -53,9 +53,9 @@ class RangeTrack:
 def apparent_surface(
     sensor: RangingSensor, terrain: Terrain, poses: Poses, node_m: float, margin_m: float
 ) -> TerrainWindow:
-    """The apparent surface along a track; NaN farther than ``margin_m`` from it, and where the model has no range.
+    """The apparent surface along a track; NaN where no shift reaches, and where the model has no range.
 
-    node_m : distance of the nodes [m];  margin_m : beside and beyond the track, each way [m]
+    node_m : distance of the nodes [m];  margin_m : largest shift to the east and to the north, each way [m]
     """
     places = poses.origins_l[:, :2]
     first = np.floor((places.min(axis=0) - margin_m) / node_m)

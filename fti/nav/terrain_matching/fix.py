@@ -100,13 +100,10 @@ def match(
     drift_sd : one sigma of the drift of the navigated position for each axis [m/s]; 0: it does not drift
     """
     limits = limits or MatchLimits()
-    chi_square = search_lattice(window, profile, lattice)
-    if np.isnan(chi_square).all():
-        return _without_position(profile, Refusal.UNKNOWN_GROUND)
     likelihood = Likelihood(window, profile, drift_sd)
-    excess = MAX_EXCESS * _noise_ratio(float(np.nanmin(chi_square)), profile) ** 2 / independent_share
-    starts = [_finest(window, profile, lattice, at) for at in _candidates(chi_square, lattice, window.cell_m, excess)]
-    minima = [_refine(likelihood, start, window.cell_m) for start in starts]
+    minima = _minima(likelihood, window, profile, lattice, independent_share)
+    if not minima:
+        return _without_position(profile, Refusal.UNKNOWN_GROUND)
     best = min(minima, key=lambda minimum: minimum.chi_square)
     for _ in range(DRIFT_ITERATIONS if drift_sd > 0.0 else 0):
         likelihood = Likelihood(window, profile, drift_sd, best.drift)
@@ -144,6 +141,18 @@ def _noise_ratio(chi_square: float, profile: Profile) -> float:
 def _without_position(profile: Profile, reason: Refusal) -> MatchFix:
     shift, cov = np.full(2, np.nan), np.full((2, 2), np.inf)
     return MatchFix(profile.middle, shift, cov, math.nan, math.inf, np.zeros(2), 1.0, math.nan, frozenset({reason}))
+
+
+def _minima(
+    likelihood: Likelihood, window: TerrainWindow, profile: Profile, lattice: Lattice, independent_share: float
+) -> list[Minimum]:
+    """The smallest local minima within the lattice; none over unknown ground."""
+    chi_square = search_lattice(window, profile, lattice)
+    if np.isnan(chi_square).all():
+        return []
+    excess = MAX_EXCESS * _noise_ratio(float(np.nanmin(chi_square)), profile) ** 2 / independent_share
+    starts = [_finest(window, profile, lattice, at) for at in _candidates(chi_square, lattice, window.cell_m, excess)]
+    return [_refine(likelihood, start, window.cell_m) for start in starts]
 
 
 def _candidates(chi_square: Array, lattice: Lattice, cell_m: float, excess: float) -> Array:
