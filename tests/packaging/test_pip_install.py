@@ -65,7 +65,7 @@ def set_up(folder: Path, *arguments: str) -> Iterator[tuple[int, subprocess.Pope
     try:
         yield person, process
     finally:
-        with contextlib.suppress(ProcessLookupError):
+        if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
         os.close(person)
