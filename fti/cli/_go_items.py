@@ -16,6 +16,7 @@ from fti.messages.health import DeviceHealth, HealthRecord
 from fti.messages.reasons import Reason
 from fti.messages.tables import from_table
 from fti.nav.device_time.clock_estimator import ClockState
+from fti.service.children import ProcessState
 
 HOUR_S = 3600.0
 
@@ -42,7 +43,9 @@ def go_items(config: Config, state: State, hours: float) -> Iterator[GoItem]:
     yield _disk(config, health, hours)
     yield from _links(config, health)
     yield from _devices(config, health)
-    yield from _roles(config, state["outputs"])
+    is_starting = health.processes["navigation"].state == ProcessState.STARTING
+    yield _navigation(health)
+    yield from ([] if is_starting else _roles(config, state["outputs"]))
     yield from _ground(config, health)
     yield _alarms(state["alarms"])
 
@@ -95,6 +98,13 @@ def _problem_of_device(found: DeviceHealth, *, uses_time: bool) -> str:
     return "; ".join(f"{clock.scale} clock: {clock.state}" for clock in unknown)
 
 
+def _navigation(health: HealthRecord) -> GoItem:
+    """Its process: until it runs, it has no outputs."""
+    state = health.processes["navigation"].state
+    text = "being compiled or loaded; wait" if state == ProcessState.STARTING else state
+    return GoItem("navigation", state == ProcessState.RUNNING, text)
+
+
 def _roles(config: Config, outputs: State) -> Iterator[GoItem]:
     navigation = outputs.get("/nav/nav_solution", {"late": True})
     for role, prefix in (("position", ""), ("attitude", "attitude_")):
@@ -109,14 +119,22 @@ def _roles(config: Config, outputs: State) -> Iterator[GoItem]:
     for name in config.nav.altimeters:
         height = outputs.get(f"/nav/height_above_ground/{name}")
         is_go = height is not None and not height["late"] and not MISSING_SAMPLES.intersection(height["reasons"])
-        text = "no heights" if height is None else ", ".join(height["reasons_text"]) or "valid height"
-        yield GoItem(f"altimeter {name}", is_go, text)
+        yield GoItem(f"altimeter {name}", is_go, "no heights" if height is None else _describe_height(height))
+
+
+def _describe_height(height: State) -> str:
+    reasons = list(height["reasons_text"])
+    if height["late"]:
+        reasons.append(f"late, the last value is {height['age_ms'] / 1000.0:.1f} s old")
+        return f"no valid height: {', '.join(reasons)}"
+    return ", ".join(reasons) or "valid height"
 
 
 def _ground(config: Config, health: HealthRecord) -> Iterator[GoItem]:
     if config.nav.terrain:
-        name = health.navigation.terrain
-        yield GoItem("terrain", bool(name) and not health.navigation.is_terrain_loading, str(name or "not loaded"))
+        text, is_loading = str(health.navigation.terrain or "not loaded"), bool(health.navigation.is_terrain_loading)
+        wait = "; wait (on a new computer its code is compiled first)" if is_loading else ""
+        yield GoItem("terrain", bool(health.navigation.terrain) and not is_loading, f"{text}{wait}")
     if config.nav.approach:
         missing = [each["reason"] for each in describe_missing(config) if each["role"] == "approach"]
         yield GoItem("approach reference", not missing, missing[0] if missing else config.nav.approach.profile)

@@ -4,9 +4,10 @@
   fti preflight CONFIG         one line for each item: GO or NO-GO, and why
   fti preflight CONFIG --hours 6 --json
 
-Items: the recording, hours of disk left at the present rate, each link, each device with its clock, the roles, terrain
-and approach reference where configured, alarms.  An altimeter may be below its range on the ground: it is GO when it
-sends heights.  Wait for a minute after switching on: a device clock is learned from some seconds of messages.
+Items: the recording, hours of disk left at the present rate, each link, each device with its clock, navigation, the
+roles, terrain and approach reference where configured, alarms.  An altimeter may be below its range on the ground: it
+is GO when it sends heights.  Wait for a minute after switching on: a device clock is learned from some seconds of
+messages.
 
 The exit code is 0 when all items are GO, and 1 otherwise.
 """

@@ -109,6 +109,21 @@ CHANGES: dict[str, tuple[Callable[[State], object], str, str]] = {
         "altimeter altimeter",
         "no heights",
     ),
+    "a late altimeter": (
+        lambda s: s["outputs"]["/nav/height_above_ground/altimeter"].update(late=True, valid=False, age_ms=3000.0),
+        "altimeter altimeter",
+        "no valid height: late, the last value is 3.0 s old",
+    ),
+    "terrain that is loaded": (
+        lambda s: s["health"]["navigation"].update(terrain="loading, 40 %", is_terrain_loading=True),
+        "terrain",
+        "loading, 40 %; wait",
+    ),
+    "navigation that is compiled": (
+        lambda s: s["health"]["processes"]["navigation"].update(state="starting"),
+        "navigation",
+        "being compiled or loaded; wait",
+    ),
     "terrain": (lambda s: s["health"]["navigation"].update(terrain=None), "terrain", "not loaded"),
     "an alarm": (lambda s: s["alarms"][0].update(end_ns=None), "alarms", "NAVIGATION LATE"),
     "an alarm not acknowledged": (lambda s: s["alarms"][0].update(is_acknowledged=False), "alarms", "NAVIGATION LATE"),
