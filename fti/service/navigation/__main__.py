@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from fti.config import Config, position_sources
 from fti.logger.file_mode import set_file_mode
 from fti.messages.control import ToNavigation
 from fti.messages.outputs import Event
-from fti.quick_exit import skip_last_collection
+from fti.quick_exit import run_and_exit
 from fti.service.control_channel import await_startup
 from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
 from fti.service.navigation.process import NavigationProcess
@@ -24,7 +23,6 @@ NOT_COMPILED = "the session ended while navigation was compiled (first start onl
 
 def main(argv: Sequence[str] | None = None) -> int:
     """``python -m fti.service.navigation``: started by the supervisor alone."""
-    skip_last_collection()
     _end_before_recorder()
     if received := await_startup(argv, ToNavigation):
         channel, text, ring_fds = received
@@ -60,4 +58,4 @@ def _end_before_recorder() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_and_exit(main)
