@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fti.clock import FakeClock
-from fti.service.supervisor.event_publisher import MIN_DURATION_NS, EventPublisher, LinkEvents
+from fti.service.supervisor.event_publisher import MIN_DURATION_NS, EventPublisher, LinkEvents, RepetitionFilter
 
 SECOND_NS = 1_000_000_000
 Events = list[tuple[float, str, str]]
@@ -84,3 +84,30 @@ def test_warnings_are_not_shown_while_the_sensors_are_off() -> None:
         "error: nav: sensors off: False",
     ]
     assert len(notes) == 6  # all are recorded
+
+
+def test_repetitions_of_a_line_are_counted() -> None:
+    """Twice a second until 12 s; another line is shown meanwhile."""
+    repetitions, shown = RepetitionFilter(), list[tuple[float, str]]()
+    for half in range(80):
+        t_s = half / 2
+        now_ns = round(t_s * SECOND_NS)
+        lines = ["a"] if t_s <= 12.0 else []
+        shown += [(t_s, line) for line in [*lines, *(["b"] if t_s == 3.0 else [])] if repetitions.admits(line, now_ns)]
+        shown += [(t_s, line) for line in repetitions.flush(now_ns)]
+    assert shown == [
+        (0.0, "a"),
+        (3.0, "b"),
+        (10.0, "a (repeated 20 times in 10 s)"),
+        (20.0, "a (repeated 4 times in 10 s)"),
+    ]
+    assert repetitions.admits("a", 40 * SECOND_NS)
+
+
+def test_each_repetition_is_published_and_recorded() -> None:
+    lines, topics, notes = list[str](), list[str](), list[Any]()
+    publisher = EventPublisher(FakeClock(), lambda topic, payload: topics.append(topic), lines.append, notes.append)
+    for _ in range(3):
+        publisher.publish_event("warning", "ins", "position unconfirmed")
+    assert lines == ["warning: ins: position unconfirmed"]
+    assert len(topics) == len(notes) == 3

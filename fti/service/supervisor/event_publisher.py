@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from fti.bus.message import encode, encode_event
 from fti.clock import Clock
+from fti.constants import SECOND_NS
 from fti.messages.control import EventNote, RecorderNote
 from fti.messages.frames import LinkState
 from fti.messages.health import HealthRecord
@@ -61,8 +63,47 @@ class LinkEvents:
                 yield level, name, "the port is open now"
 
 
+#: An identical line is shown to the user once in this time.
+REPETITION_NS = 10 * SECOND_NS
+
+
+@dataclass(slots=True)
+class _ShownLine:
+    """A line that was shown.  repetitions : not shown, since then"""
+
+    shown_ns: int
+    repetitions: int = 0
+
+
+class RepetitionFilter:
+    """Withholds repetitions of a line, and counts them: a source may change its state with every frame."""
+
+    def __init__(self) -> None:
+        self._lines: dict[str, _ShownLine] = {}
+
+    def admits(self, line: str, now_ns: int) -> bool:
+        """Whether a line is shown now."""
+        if known := self._lines.get(line):
+            known.repetitions += 1
+            return False
+        self._lines[line] = _ShownLine(now_ns)
+        return True
+
+    def flush(self, now_ns: int) -> Iterator[str]:
+        """The lines that were repeated, with the number, REPETITION_NS after they were shown."""
+        for line, known in list(self._lines.items()):
+            if (elapsed_ns := now_ns - known.shown_ns) < REPETITION_NS:
+                continue
+            if known.repetitions:
+                times = "once" if known.repetitions == 1 else f"{known.repetitions} times"
+                yield f"{line} (repeated {times} in {elapsed_ns / SECOND_NS:.0f} s)"
+                self._lines[line] = _ShownLine(now_ns)
+            else:
+                del self._lines[line]
+
+
 class EventPublisher:
-    """announce : shows a line to the user; record_note, publish : see the types"""
+    """ ""announce : shows a line to the user; record_note, publish : see the types"""
 
     def __init__(self, clock: Clock, publish: Publish, announce: Announce, record_note: RecordNote) -> None:
         self._clock = clock
@@ -70,6 +111,7 @@ class EventPublisher:
         self._announce = announce
         self._record_note = record_note
         self._links = LinkEvents()
+        self._repetitions = RepetitionFilter()
         self._are_sensors_off = False
 
     def publish_event(self, level: str, source: str, text: str) -> None:
@@ -79,10 +121,12 @@ class EventPublisher:
     def forward_event(self, event: Event, who: str = "") -> None:
         """Publish an event of this process or of a child.  who : the user who caused it, if known; recorded
 
-        The user does not see warnings while the sensors are off.
+        The user does not see warnings while the sensors are off, nor each repetition of a line.
         """
         if event.level == "error" or (event.level == "warning" and not self._are_sensors_off):
-            self._announce(f"{event.level}: {event.source}: {event.text}")
+            line = f"{event.level}: {event.source}: {event.text}"
+            if self._repetitions.admits(line, self._clock.now_ns()):
+                self._announce(line)
         self._publish(BUS_EVENT, encode_event(to_table(event)))
         self._record_note(EventNote(event, who))
 
@@ -96,9 +140,11 @@ class EventPublisher:
         self._links.expect_changes(are_off, self._clock.now_ns())
 
     def health(self, health: dict[str, Any], *, record: bool) -> None:
-        """Publish health, and record it if record is set; publish the link events."""
+        """Publish health, and record it if record is set; publish the link events; show repeated lines."""
         self._publish(BUS_HEALTH, encode(health))
         if record:
             self._record_note(from_table(HealthRecord, health))
         for level, source, text in self._links.update(health["links"], health["t_ns"]):
             self.publish_event(level, source, text)
+        for line in self._repetitions.flush(self._clock.now_ns()):
+            self._announce(line)
