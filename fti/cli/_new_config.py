@@ -62,7 +62,7 @@ def config_text(file: Path, name: str, ports: Sequence[NamedPort], answers: Answ
         parts.append(f"\n[[link]]\nname = {json.dumps(port.link)}\n{_keys(found.link)}")
         if found.device is None:
             listen = f"fti listen {port.link} --config {file}"
-            parts.append(f"# {_silence(found)}: it is recorded and not decoded.  CHECK: {listen}\n")
+            parts.append(f"# {_silence(found)}: the link is recorded and not decoded.  CHECK: {listen}\n")
     parts += [_device(port, answers) for port in ports if port.found.device]
     return "".join([*parts, *_roles(ports, answers)])
 
