@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_page_has_commands_and_programs() -> None:
-    assert len(COMMANDS) == 2 and len(PROGRAMS) == 4
+    assert len(COMMANDS) == 2 and len(PROGRAMS) == 5
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

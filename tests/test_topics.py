@@ -21,6 +21,7 @@ from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.messages.measurements import Measurement
 from fti.messages.outputs import Output
+from fti.messages.reasons import Reason
 from fti.messages.tables import from_table, to_table
 from fti.messages.topic_fields import fields
 from fti.messages.topics import (
@@ -154,6 +155,16 @@ def test_the_command_lists_and_describes(capsys: pytest.CaptureFixture[str]) -> 
     (health,) = json.loads(capsys.readouterr().out)
     assert (health["name"], health["files"]) == ("/fti/health", ["raw"])
     assert {"name": "links.<name>.rate_hz", "type": "number, may be absent", "unit": "Hz"} in health["fields"]
+
+
+def test_the_command_lists_the_reasons(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("Reason", "reason", "REASON"):
+        assert main(["topics", name]) == 0
+        rows = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
+        assert {row[0] for row in rows} == set(Reason)
+        assert ["gaps", "gaps in the window"] in rows
+    assert main(["topics", "Reason", "--json"]) == 0
+    assert {"reason": "gaps", "text": "gaps in the window"} in json.loads(capsys.readouterr().out)
 
 
 def test_an_unknown_topic_is_named(capsys: pytest.CaptureFixture[str]) -> None:

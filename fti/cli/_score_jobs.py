@@ -57,6 +57,7 @@ def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Cal
     from fti.post.reprocess import other_setup
 
     def score(file: Path) -> list[Score]:
+        from fti.cli._compile_notice import announce_compilation
         from fti.cli._emulator_run import print_notice
         from fti.cli._progress import show_progress
         from fti.hil.emulator import make_environment
@@ -64,7 +65,7 @@ def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Cal
 
         scenario = scenarios.load(file)
         folder, step = out if len(names) == 1 else out / file.stem, f"flying {file.stem}"
-        with show_progress(step) as show:
+        with announce_compilation(), show_progress(step) as show:
             setup = scenarios.load_config(scenario, config)
             world = make_environment(scenario, show)
             for remark in world.remarks:

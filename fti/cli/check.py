@@ -105,6 +105,7 @@ def _check_config(file: CheckedFile, args: argparse.Namespace) -> int:
 def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
     from pathlib import Path
 
+    from fti.cli._compile_notice import announce_compilation
     from fti.cli._emulator_run import print_notice
     from fti.cli._progress import show_progress
     from fti.cli._scenario_view import describe, lines
@@ -116,7 +117,7 @@ def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
             args.parser.error(f"--{option}: only with a configuration; {args.file} is a scenario")
     scenario = scenarios.parse(file.table, file.text, file.path)
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
-    with show_progress("checking"):
+    with announce_compilation(), show_progress("checking"):
         found = describe(check_scenario(scenario, config, print_notice))
     print_json(found, indent=2) if args.json else print_lines(lines(found))
     return 0

@@ -3,9 +3,11 @@
   fti topics
   fti topics /nav/nav_solution
   fti topics /radalt/radio_height --json
+  fti topics Reason
 
-Names in angle brackets stand for names of the configuration. A topic can be given with or without them. docs/topics.md
-has the same as a page.
+Names in angle brackets stand for names of the configuration. A topic can be given with or without them. Reason lists
+the reasons of outputs that are not valid, with their texts. docs/topics.md and docs/reference/reasons.md have the same
+as pages.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti topics``."""
-    parser.add_argument("name", nargs="?", metavar="TOPIC", help="the topic to describe")
+    parser.add_argument(
+        "name", nargs="?", metavar="TOPIC", help="the topic to describe; Reason: list the reasons of outputs"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -30,6 +34,9 @@ def run(args: argparse.Namespace) -> int:
     from fti.errors import MissingError
     from fti.messages.topics import topics
 
+    if args.name is not None and args.name.lower() == "reason":
+        _print_reasons(as_json=args.json)
+        return 0
     found = [topic for topic in topics() if args.name is None or args.name in (topic.name, topic.bus)]
     found = found or [topic for topic in topics() if topic.matches(args.name)]
     if not found:
@@ -45,6 +52,18 @@ def run(args: argparse.Namespace) -> int:
                 f"{topic.name:{width}}  {', '.join(topic.files) or 'bus only':22}  {topic.rate:35}  {topic.text}"
             )
     return 0
+
+
+def _print_reasons(*, as_json: bool) -> None:
+    """Print every reason with its text."""
+    from fti.messages.reasons import Reason
+    from fti.reason_texts import REASONS
+
+    if as_json:
+        print_json([{"reason": reason.value, "text": REASONS[reason]} for reason in Reason])
+    else:
+        width = max(map(len, Reason))
+        print_lines(f"{reason:{width}}  {REASONS[reason]}" for reason in Reason)
 
 
 def describe(topic: Topic) -> dict[str, Any]:

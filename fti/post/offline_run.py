@@ -39,6 +39,7 @@ from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.navigation.terrain_loader import load_terrain
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.health import HealthBoard
+from fti.service.supervisor.software_metadata import software_metadata
 
 #: Ticks of the daemon before the flight begins.
 LEAD_TICKS = 50
@@ -84,7 +85,7 @@ class OfflineSession:
             split_s=config.session.split_s,
             split_mb=config.session.split_mb,
             attachments=[(n, "text/plain", t.encode()) for n, t in {CONFIG_ATTACHMENT: config.text, **texts}.items()],
-            metadata={"fti": metadata},
+            metadata={"fti": metadata | software_metadata(config)},
         )
         self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], settings)
         self._derived = DerivedLog(folder, settings, decimate_hz=DECIMATE_HZ)

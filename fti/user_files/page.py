@@ -1,4 +1,4 @@
-"""Generator of docs/reference: every key of the files that a user writes.
+"""Generator of docs/reference: every key of the files that a user writes, and the reasons in the outputs.
 
 python -m fti.user_files.page docs/reference    (or: make docs)
 """
@@ -14,6 +14,8 @@ from pathlib import Path
 from fti import drivers
 from fti.config.keys import Key
 from fti.hil.scenario import fault_table
+from fti.messages.reasons import Reason
+from fti.reason_texts import REASONS
 from fti.user_files import tables
 from fti.user_files.tables import Table
 from fti.user_files.template import example
@@ -68,6 +70,14 @@ The CSV file that the key `profile` names:
 ```text
 {}
 ```"""
+REASONS_HEAD = """# Reasons
+
+<!-- Generated from the texts of the reasons: do not edit, run `make docs`. -->
+
+The values of `reasons` and `unchecked` in the outputs of navigation: why a value is not valid, or why a monitor gives
+no result. The text is shown in alarms, on the page and in the terminal. `fti topics Reason` prints this table.
+[Fault detection](../fault-detection.md) explains the tests.
+"""
 LABELS = """
 
 ## ARINC 429 label sets
@@ -82,6 +92,7 @@ def pages() -> Mapping[str, str]:
         "drivers.md": _drivers,
         "scenario.md": _scenario,
         "airfield.md": _airfield,
+        "reasons.md": _reasons,
     }
     return {name: "\n".join(lines()) + "\n" for name, lines in texts.items()}
 
@@ -120,6 +131,11 @@ def _airfield() -> Iterator[str]:
     for table in tables.reference_header():
         yield from (("", f"### `{table.head}`", "") if table.head else ("",))
         yield from _section(table)
+
+
+def _reasons() -> Iterator[str]:
+    yield REASONS_HEAD
+    yield from _table(("reason", "text"), ((f"`{reason.value}`", REASONS[reason]) for reason in Reason))
 
 
 def heading(table: Table) -> str:

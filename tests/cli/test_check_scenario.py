@@ -143,6 +143,14 @@ def test_a_fault_behind_the_end_is_a_warning(file: Path, capsys: pytest.CaptureF
     assert "after the end of the flight" in printed
 
 
+def test_why_a_stuck_device_raises_no_flag(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stuck = CUT.replace('"cut"', '"stuck"')
+    file.write_text(HEAD + stuck.replace('"altimeter"', '"gnss", "air_data"'))
+    subjects = {s["subject"]: s["no_flag"] for s in checked(file, capsys)["faults"][0]["subjects"]}
+    assert "refuses its position if it repeats in motion" in subjects["gnss"]
+    assert subjects["air_data"].startswith("only a repeated position")
+
+
 def test_a_line_that_is_too_slow_is_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = tmp_path / "slow.toml"
     config.write_text((ROOT / "configs/demo.toml").read_text().replace("baud = 38400", "baud = 1200"))

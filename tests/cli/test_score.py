@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -292,6 +293,13 @@ def test_what_is_no_scenario_behind_one_is_a_session_that_is_not_there(
     assert "there is no such session folder or file" in capsys.readouterr().err
     assert main(["score", "silense", "--fly", str(tmp_path)]) == 2
     assert "unknown scenario 'silense'" in capsys.readouterr().err
+
+
+def test_the_session_of_an_accelerated_flight_names_software_and_configuration(
+    recorded: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", "-v", str(session(recorded))]) == 0
+    assert f"software  fti {version('fti')}, configuration short.toml " in capsys.readouterr().out
 
 
 def test_accelerated_flights_are_the_same(recorded: Path, tmp_path: Path) -> None:

@@ -35,6 +35,11 @@ from fti.hil.tables.fault_base import QuantityFault
 from fti.hil.tables.fault_types import Bias, Fog, Forced, GnssOffset, Noise, Ramp, Scale, Stuck, WrongUnit
 from fti.messages.reasons import Reason
 
+#: Why a stuck device raises no flag.
+REPEATED_POSITION = (
+    "navigation refuses its position if it repeats in motion (repeated), but uses the first device of nav.position"
+)
+REPEATED_VALUES = "only a repeated position of nav.position, or range of nav.altimeters, is detectable"
 #: Quantities of an altimeter.
 RANGE_QUANTITIES = frozenset({"range.slant_range", "radio_height.height_agl"})
 
@@ -55,7 +60,7 @@ def stuck_flags(fault: Stuck, case: FaultCase) -> RuleResult:
     """
     craft, inside, true = case.craft, _in_interval_mask(case), _true_range(case)
     if case.name not in craft.altimeters or not inside.any():
-        return [], "repeated values with new timestamps are not detectable"
+        return [], REPEATED_POSITION if case.name in craft.positions else REPEATED_VALUES
     value = float(true[inside][0])
     deviates, unknown = _range_flags(case, np.full(len(true), value), "the range changes too little")
     expected_flags = [*_repetition_flags(case, value), *deviates]

@@ -132,14 +132,19 @@ class Cut(DeviceFault):
 class Freeze(DeviceFault):
     """The last messages before the interval are repeated byte for byte, with their old times and counters.
 
-    Where nothing was sent before, the first messages in the interval are repeated.
+    Where nothing was sent before, the first messages in the interval are repeated.  See also `stuck`: the same values
+    with new times.
     """
 
     kind: Literal["freeze"]
 
 
 class Stuck(DeviceFault):
-    """The values of the first message in the interval are repeated, with new times."""
+    """The values of the first message in the interval are repeated, with new times.
+
+    Navigation refuses a receiver whose position repeats although its stated velocity is not zero (reason `repeated`,
+    alarm SOURCE ... REFUSED).  See also `freeze`: the same bytes with their old times.
+    """
 
     kind: Literal["stuck"]
 

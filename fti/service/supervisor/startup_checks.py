@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import platform
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +16,7 @@ from fti.logger.storage_target import StorageTarget
 from fti.messages.refusals import CarriedRefusal
 from fti.service import realtime
 from fti.service.startup import LinkStartup, NavigationStartup, RecorderStartup
+from fti.service.supervisor.software_metadata import software_metadata
 
 
 class ValidatedConfig:
@@ -98,11 +96,7 @@ class ValidatedConfig:
             "origin": session.origin,
             "mode": session.mode,
             "epoch_ns": str(self._epoch_ns),
-            "software": version("fti"),
-            "config_file": Path(self._config.path).name,
-            "config_sha256": hashlib.sha256(self._config.text.encode()).hexdigest(),
-            "python": platform.python_version(),
-            "processor": _processor(),
+            **software_metadata(self._config),
         }
 
 
@@ -118,13 +112,3 @@ def _check_link(config: Config, index: int, link: Link) -> None:
         open_link(link, FakeClock(), lambda frames, times_ns: None)
     except ConfigError as error:
         raise ConfigError(f"{config.path}: link[{index}]: {error}") from None
-
-
-def _processor() -> str:
-    """Model of the processor; outputs are bit-identical only on the same model."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(named, platform.processor())
