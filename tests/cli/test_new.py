@@ -115,7 +115,7 @@ def test_on_a_terminal_it_asks_what_it_cannot_know(tmp_path: Path) -> None:
         ("one: from the reference point to the sensor, forward right down [m] [unknown]: ", "0.5 0 -1.25"),
         ("two: from the reference point to the sensor, forward right down [m] [unknown]: ", ""),
     )
-    arguments = ("new", str(file), "--links", str(ports), "--seconds", "1.5")
+    arguments = ("new", str(file), "--links", str(ports), "--seconds", "3")
     with (
         sending(ports / "one_line", NMEA),
         sending(ports / "two_line", NMEA),

@@ -220,7 +220,7 @@ def _match_banked(ground: Terrain, rng: Rng) -> tuple[float, float]:
     true = navigated + np.append(track.error, 0.0)
     laser = Laser()
     ranges = laser.measure(ground, Poses.stationary(true, mats)).slant_range + NOISE_M * rng.standard_normal(SAMPLES)
-    ranges += track.height_error
+    ranges -= track.height_error
     known = np.isfinite(ranges)
     poses, sd = Poses.stationary(navigated[known], mats[known]), np.full(np.count_nonzero(known), NOISE_M)
     measured = RangeTrack(level.t[known], poses, ranges[known], sd, HEIGHT_SD_M).profile
