@@ -36,7 +36,8 @@ UNITS = {
 }  # fmt: skip
 #: Classes of files that programs write, and parts of others without a table of their own.
 NOT_WRITTEN_BY_USERS = {
-    "LinkStartup", "StorageStartup", "RecorderStartup", "NavigationStartup", "LinkTable", "NumberLocation", "FrameOptions", "EffectiveFault", "DeviceSettings",
+    "LinkStartup", "StorageStartup", "RecorderStartup", "NavigationStartup",
+    "LinkTable", "NumberLocation", "FrameOptions", "EffectiveFault", "DeviceSettings",
 }  # fmt: skip
 
 
