@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     recording = Recording.open(*args.session)
     report_remarks(recording)
     decoded = _decoded(recording, args.thin_hz)
-    with show_read_progress(recording, "exporting", passes=2):
+    with show_read_progress(recording, "exporting", passes=2 if decoded else 1):
         rows = export(recording, args.out, _format(args.format), selection, decoded)
     if not rows:
         print_line("note: nothing to export", error=True)

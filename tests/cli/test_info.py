@@ -341,7 +341,7 @@ def test_alarms_are_listed_with_their_durations(folder: SessionFolder, capsys: p
     log.close()
     assert info(folder, "-v") == 0
     text = capsys.readouterr().out
-    assert "warning: GROUND CLEARANCE ALERT: obstacle (3.0 s, acknowledged by anna)" in text
+    assert "warning: GROUND CLEARANCE ALERT: obstacle (for 3.0 s, acknowledged by anna)" in text
     assert "caution: LINK INS SILENT (to the end)" in text
     found = info_json(folder, capsys)["alarms"]
     assert [(alarm["id"], alarm["end_ns"]) for alarm in found] == [
