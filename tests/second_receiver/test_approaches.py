@@ -20,6 +20,10 @@ REFERENCE_RUNS, REFERENCE_RUNS_FULL = 100, 2000
 QUICK = ("woods",)
 
 
+#: The fixture of a site takes minutes, several times as long beside other processes.
+pytestmark = pytest.mark.timeout(3600)
+
+
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     is_quick = metafunc.config.getoption("--scale") == "quick"
     metafunc.parametrize("kind", QUICK if is_quick else approaches.GROUNDS, scope="module")
