@@ -251,7 +251,7 @@ async def test_the_longest_reasons_fit_their_place(page: Page, daemon: FakeDaemo
 
 #: Numbers that reach beyond their panel, remarks that are shortened, panels that hide a part of what is in them.
 CUT_OFF = """[
-    ...[...document.querySelectorAll(':is(.panel, #banner) :is(b, dd, td.number, .ground, .fallbacks span)')]
+    ...[...document.querySelectorAll(':is(.panel, #banner) :is(b, dd, td.number, span.ground, .fallbacks span)')]
         .filter((e) => e.getBoundingClientRect().right > e.closest('.panel, #banner').getBoundingClientRect().right),
     ...[...document.querySelectorAll('.sensor span, h2 .note')]
         .filter((e) => e.scrollWidth > e.clientWidth && e.clientWidth),

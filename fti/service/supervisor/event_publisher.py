@@ -103,7 +103,7 @@ class RepetitionFilter:
 
 
 class EventPublisher:
-    """ ""announce : shows a line to the user; record_note, publish : see the types"""
+    """announce : shows a line to the user; record_note, publish : see the types"""
 
     def __init__(self, clock: Clock, publish: Publish, announce: Announce, record_note: RecordNote) -> None:
         self._clock = clock
