@@ -95,8 +95,11 @@ def _gram_of(
             values[4], values[5] = east / cell, north / cell
             values[2], values[3] = tau[k] * values[4], tau[k] * values[5]
             for a in range(COLUMNS):
-                for b in range(COLUMNS):
+                for b in range(a, COLUMNS):
                     grams[i, a, b] += weight[k] * values[a] * values[b]
+        for a in range(COLUMNS):
+            for b in range(a):
+                grams[i, a, b] = grams[i, b, a]
 
 
 class Likelihood:
