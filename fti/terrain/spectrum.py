@@ -74,7 +74,7 @@ def analyse_spectrum(layer: Layer) -> Spectrum:
     north, east = np.fft.fftfreq(rows, layer.cell_m), np.fft.fftfreq(columns, layer.cell_m)
     frequency = np.hypot(north[:, None], east)
     step = 1.0 / (layer.cell_m * min(rows, columns))
-    rings = int(0.5 / (layer.cell_m * step))
+    rings = min(rows, columns) // 2
     ring = np.minimum((frequency / step).astype(np.int64), rings - 1)
     return Spectrum(
         cell_m=layer.cell_m,
