@@ -295,7 +295,9 @@ def test_the_laboratory_and_its_recording_again(user: UserFolder) -> None:
         for each in WITH_PORTS:
             user.run(each)
         with user.background(run, "--out lab", "display at"):
+            # navigation decodes the answers of the power unit
             until(lambda: "GO     link pdu_line" in user.output(PREFLIGHT).stdout, START_S, "the power unit")
+            until(lambda: "GO     navigation" in user.output(PREFLIGHT).stdout, START_S, "navigation")
             for each in WITH_BREAKERS:
                 user.run(each)
     user.words["SESSION"] = user.session("lab")
