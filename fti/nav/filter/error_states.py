@@ -25,6 +25,8 @@ class Extra(StrEnum):
 
     WIND_NORTH, WIND_EAST : the wind, in the direction of the air flow [m/s];  AIRSPEED_SCALE : share of the airspeed
     SIDESLIP, MAGNETIC_HEADING : steady angles [rad], wind from the right, measured minus true heading
+    MARK_X, MARK_Y, MARK_Z : a position of the past, e, from its reference point [m] (``position_mark``)
+    MAP_NORTH, MAP_EAST : horizontal error of the map
     """
 
     GNSS_NORTH = "gnss_north"
@@ -40,6 +42,11 @@ class Extra(StrEnum):
     AIRSPEED_SCALE = "airspeed_scale"
     SIDESLIP = "sideslip"
     MAGNETIC_HEADING = "magnetic_heading"
+    MARK_X = "mark_x"
+    MARK_Y = "mark_y"
+    MARK_Z = "mark_z"
+    MAP_NORTH = "map_north"
+    MAP_EAST = "map_east"
 
 
 @dataclass(frozen=True, slots=True)

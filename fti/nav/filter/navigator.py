@@ -39,6 +39,7 @@ from fti.nav.filter.exclusion import NOT_EXCLUDED, Cause, Exclusion
 from fti.nav.filter.initial_alignment import Aligner
 from fti.nav.filter.innovation_gate import LIMITS, GateStates, excluded_names, rejected_names
 from fti.nav.filter.measurement_update import compute_nis
+from fti.nav.filter.position_mark import TERRAIN_POSITION, MarkedPosition
 from fti.nav.filter.segment import FilterSegment
 
 #: Longest gap between inertial samples that is bridged.
@@ -46,6 +47,8 @@ MAX_GAP_NS = 200_000_000
 #: More consecutive samples from the past are a clock jump.
 MAX_BACKWARD_SAMPLES = 20
 COAST_NS = 2_000_000_000
+#: A position from a height profile is known once per profile.
+COAST_NS_OF = {TERRAIN_POSITION: 60_000_000_000}
 #: A less certain position is not valid [m, one sigma].
 MAX_SD_M = 2000.0
 #: Limits of plausible inertial samples [m/s^2, rad/s], and of altitude [m over a sphere] and speed [m/s].
@@ -250,8 +253,12 @@ class InertialNavigator:
     def _bounded_axes(self, t_ns: int) -> frozenset[str]:
         """Axes that a source has bounded within ``COAST_NS``."""
         assert self._timeline is not None
-        gate_states = self._timeline.replay_newest().gate_states.values()
-        recent = [s for s in gate_states if s.accepted_ns is not None and t_ns - s.accepted_ns <= COAST_NS]
+        gate_states = self._timeline.replay_newest().gate_states
+        recent = [
+            s
+            for name, s in gate_states.items()
+            if s.accepted_ns is not None and t_ns - s.accepted_ns <= COAST_NS_OF.get(name, COAST_NS)
+        ]
         return frozenset[str]().union(*(s.bounds for s in recent))
 
     def _align(self, t_ns: int, imu: Array) -> None:
@@ -327,6 +334,8 @@ def is_known(aiding: Aiding) -> bool:
         return False
     if isinstance(aiding, GnssHeight):
         return is_known(aiding.position)
+    if isinstance(aiding, MarkedPosition):
+        return aiding.is_conceivable
     fields = aiding.__dataclass_fields__  # type: ignore[attr-defined]
     return all(_is_conceivable(name, getattr(aiding, name)) for name in fields if name != "own_drifts")
 
