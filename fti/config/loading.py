@@ -21,7 +21,7 @@ FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
 #: GDAL's prefix of a file in a zip.
 VSIZIP = "/vsizip/"
 #: Names of navigation's own sources; a device of such a name would be ambiguous.
-RESERVED_DEVICE_NAMES = ("filter", "radio", "vertical")
+RESERVED_DEVICE_NAMES = ("filter", "radio", "terrain", "vertical")
 #: An altimeter is mounted less than 85 degrees from straight down: cosine of that.
 MIN_DOWN_COMPONENT = math.cos(math.radians(85.0))
 
@@ -68,6 +68,7 @@ def _check_references(config: Config, file: str) -> None:
         partial(_check_terrain, config.nav.terrain, file),
         partial(_check_filter, config, devices, file),
         partial(_check_radio, config.nav, devices, file),
+        partial(_check_terrain_position, config.nav, file),
         partial(_check_altimeters, config, file),
     ]
     check_all(checks)
@@ -117,6 +118,16 @@ def _check_radio(nav: Nav, devices: list[str], file: str) -> None:
         raise ConfigError(f"{file}: nav.radio.receiver: {_unknown_device(nav.radio.receiver, devices)}")
     if nav.radio.altimeter is not None and nav.radio.altimeter not in nav.altimeters:
         text = f"nav.radio.altimeter: {nav.radio.altimeter!r} is not in nav.altimeters"
+        raise ConfigError(f"{file}: {text}; allowed: {_join_names(nav.altimeters)}")
+
+
+def _check_terrain_position(nav: Nav, file: str) -> None:
+    if nav.terrain_position is None:
+        return
+    if missing := [table for table in ("filter", "terrain") if getattr(nav, table) is None]:
+        raise ConfigError(f"{file}: nav.terrain_position: needs [nav.{missing[0]}]")
+    if nav.terrain_position.altimeter not in nav.altimeters:
+        text = f"nav.terrain_position.altimeter: {nav.terrain_position.altimeter!r} is not in nav.altimeters"
         raise ConfigError(f"{file}: {text}; allowed: {_join_names(nav.altimeters)}")
 
 

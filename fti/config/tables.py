@@ -527,6 +527,31 @@ class Radio(StrictModel):
     dme_sd_m: Annotated[Positive, key("1-sigma of a DME range", "m")] = 222.0
 
 
+class TerrainPositionTable(StrictModel):
+    """``[nav.terrain_position]``: position by comparison of a height profile with known terrain; it aids the filter.
+
+    Needs ``[nav.filter]`` and ``[nav.terrain]``.
+    """
+
+    altimeter: Annotated[Name, key("device of nav.altimeters whose heights make the profile", NO_UNIT, "radalt")]
+    window_s: Annotated[
+        float,
+        Field(ge=5.0, le=120.0),
+        key("duration of a profile: a longer one is more certain over gentle ground, and rarer", "s"),
+    ] = 20.0
+    map_sd_m: Annotated[
+        Positive,
+        key(
+            "1-sigma of the horizontal position of the elevation, each axis: datum and adjustment; it is part of every "
+            "protection level",
+            "m",
+        ),
+    ] = 5.0
+    max_sd_m: Annotated[
+        Positive, key("a fix whose 1-sigma is larger, along its weaker axis, is refused: flat ground", "m")
+    ] = 30.0
+
+
 class UnstatedSd(StrictModel):
     """``[nav.unstated_sd]``: the sigma of a position or an attitude whose source states none.
 
@@ -590,8 +615,8 @@ class Nav(StrictModel):
     attitude: Annotated[
         tuple[Name, ...],
         key(
-            "devices for roll, pitch and heading, in order of preference; the names filter, radio and vertical are "
-            "reserved",
+            "devices for roll, pitch and heading, in order of preference; the names filter, radio, terrain and "
+            "vertical are reserved",
             NO_UNIT,
             ["ins"],
         ),
@@ -599,8 +624,8 @@ class Nav(StrictModel):
     position: Annotated[
         tuple[Name, ...],
         key(
-            "devices for position, velocity and altitude, in order of preference; the names filter, radio and vertical "
-            "are reserved",
+            "devices for position, velocity and altitude, in order of preference; the names filter, radio, terrain "
+            "and vertical are reserved",
             NO_UNIT,
             ["ins", "gnss"],
         ),
@@ -619,6 +644,9 @@ class Nav(StrictModel):
     ] = None
     terrain: Annotated[TerrainFiles | None, key("[nav.terrain]; none: no known terrain", NO_UNIT)] = None
     filter: Annotated[Filter | None, key("[nav.filter]; none: no inertial filter", NO_UNIT)] = None
+    terrain_position: Annotated[
+        TerrainPositionTable | None, key("[nav.terrain_position]; none: no position from the ground", NO_UNIT)
+    ] = None
     radio: Annotated[Radio | None, key("[nav.radio]; none: no position from satellites and DME", NO_UNIT)] = None
     approach: Annotated[Approach | None, key("[nav.approach]; none: no integrity monitor", NO_UNIT)] = None
     unstated_sd: Annotated[UnstatedSd, key("[nav.unstated_sd]", NO_UNIT)] = UnstatedSd()

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from fti.messages.reasons import Reason
 from fti.messages.tables import Message
-from fti.messages.units import Metres, MetresPerSecond, Nanoseconds, Radians, Ratio
+from fti.messages.units import Count, Metres, MetresPerSecond, Nanoseconds, Radians, Ratio
 
 
 class Compensation(StrEnum):
@@ -291,6 +291,48 @@ class PositionFix(Message, kw_only=True):
     altitude_source: str | None = None
 
 
+class TerrainFix(Message, kw_only=True):
+    """Position from the comparison of a height profile with known terrain.
+
+    t_valid_ns : time of the position, the middle of the profile [ns]; repeated twice a second until the next profile
+    unchecked  : MAP_UNVERIFIED while no satellites could show that the map is displaced
+    method     : "profile": heights below the track
+    is_search  : a search without a certain position; its fixes count after three that agree
+    lat, lon   : of P at t_valid_ns; also of a fix that is refused, if the profile has a best place
+    north_sd, east_sd, correlation : one sigma of each axis with respect to the map, and their correlation
+    shift_north, shift_east : from the filter's position at t_valid_ns to the fix [m]
+    map_sd     : one sigma of the horizontal position of the map, each axis; it is not part of north_sd, east_sd
+    up         : true minus navigated height by the profile [m];  up_sd : one sigma of it
+    ambiguity  : probability of the next best place over that of the best
+    noise_ratio : RMS of the residuals over their stated sigma, at least 1; part of the sigmas
+    reach      : largest shift that was searched, each way [m]
+    samples, length : number of heights of the profile, and its length over ground [m]
+    """
+
+    t_ns: Nanoseconds
+    t_valid_ns: Nanoseconds | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    unchecked: tuple[Reason, ...] = ()
+    method: str = "profile"
+    is_search: bool = True
+    lat: Radians | None = None
+    lon: Radians | None = None
+    north_sd: Metres | None = None
+    east_sd: Metres | None = None
+    correlation: Ratio | None = None
+    shift_north: Metres | None = None
+    shift_east: Metres | None = None
+    map_sd: Metres | None = None
+    up: Metres | None = None
+    up_sd: Metres | None = None
+    ambiguity: Ratio | None = None
+    noise_ratio: Ratio | None = None
+    reach: Metres | None = None
+    samples: Count = 0
+    length: Metres | None = None
+
+
 class SourceValidity(Message, kw_only=True):
     """Result of the tests of a device that gives position, altitude or attitude.
 
@@ -366,6 +408,7 @@ Output = (
     | FilterSolution
     | VerticalSolution
     | PositionFix
+    | TerrainFix
     | SourceValidity
     | ProvisionalSolution
 )

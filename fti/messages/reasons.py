@@ -58,6 +58,14 @@ class Reason(StrEnum):
     TERRAIN_HOLE = "terrain_hole"  # a void in the files
     GROUND_CONTRADICTED = "ground_contradicted"  # a radar and a laser agree with each other but not with it
     UNCERTAIN = "uncertain"  # of position, attitude or terrain: a deviation of twice the limit would pass
+    # of the position from the ground
+    GROUND_FLAT = "ground_flat"  # its slopes do not determine a position
+    SEARCH_EDGE = "search_edge"  # the best position is at the edge of the search: the true one may be beyond
+    PROFILE_MISFIT = "profile_misfit"  # the profile fits the terrain nowhere within its sigma
+    AMBIGUOUS = "ambiguous"  # it fits at several places
+    TOO_FEW_HEIGHTS = "too_few_heights"
+    NOT_CONFIRMED = "not_confirmed"  # three fixes in succession must agree first
+    MAP_UNVERIFIED = "map_unverified"  # without satellites a displaced map is not detected
     # of the filters
     NO_IMU = "no_imu"
     NO_GNSS = "no_gnss"

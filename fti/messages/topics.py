@@ -34,6 +34,7 @@ from fti.messages.outputs import (
     PositionFix,
     ProvisionalSolution,
     SourceValidity,
+    TerrainFix,
     VerticalSolution,
 )
 from fti.messages.tables import to_table
@@ -144,6 +145,7 @@ _OUTPUTS: dict[type, tuple[str, str]] = {
     GlideSlope: ("up to 5 Hz; 2 Hz unchanged", "deviation from the published glide path"),
     FilterSolution: ("5 Hz", "solution of the error-state filter"),
     VerticalSolution: ("5 Hz", "height and climb from inertial data and an altimeter"),
+    TerrainFix: ("2 Hz", "position from a height profile and known terrain"),
     PositionFix: ("2 Hz", "position from pseudoranges and DME"),
     SourceValidity: ("2 Hz, and on a change", "result of the tests of a source"),
     ProvisionalSolution: ("5 Hz, while a source is unconfirmed", "solution of the filter if this source were right"),

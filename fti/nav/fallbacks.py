@@ -1,7 +1,8 @@
 """Fallbacks for missing devices, in order: the filter, the radio fix; for the altitude only the vertical channel.
 
 Each exists if it is configured (``[nav.filter]``, ``[nav.radio]``), receives every measurement, and gives outputs at
-its own rate, whether they are used or not.
+its own rate, whether they are used or not.  Positions from the ground (``[nav.terrain_position]``) aid the filter: they
+are used before the radio fix.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from fti.nav.plausibility.source import UnconfirmedSource
 from fti.nav.protection import FilterReference
 from fti.nav.radio_positioning import RadioPosition
 from fti.nav.source_interpolation import AttitudeState, PositionState
+from fti.nav.terrain_positioning import TerrainPosition
 from fti.nav.terrain_reference import Ground
 from fti.nav.vertical.vertical_channel import VerticalState
 
@@ -33,13 +35,16 @@ class Fallbacks:
 
     def __init__(self, config: Config) -> None:
         nav, devices = config.nav, {device.name: device for device in config.device}
-        self._aided = AidedNavigation(nav.filter, devices) if nav.filter else None
+        ground = nav.terrain_position
+        map_sd = ground.map_sd_m if ground else None
+        self._aided = AidedNavigation(nav.filter, devices, map_sd) if nav.filter else None
+        self._ground = TerrainPosition(ground, devices, self._aided) if ground and self._aided else None
         self._radio = RadioPosition(nav.radio, devices) if nav.radio else None
         self._ticks = 0
 
     def set_terrain(self, ground: Ground | None) -> None:
         """Set the known ground."""
-        for part in (self._aided, self._radio):
+        for part in (self._aided, self._ground, self._radio):
             if part:
                 part.set_terrain(ground)
 
@@ -55,9 +60,11 @@ class Fallbacks:
 
     def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
         """Take an output of an altimeter."""
-        for part in (self._aided, self._radio):
-            if part:
-                part.feed_height(height, nav)
+        aids_altitude = self._aided is not None and self._aided.feed_height(height, nav)
+        if self._ground and not aids_altitude:
+            self._ground.feed_height(height, nav)
+        if self._radio:
+            self._radio.feed_height(height, nav)
 
     def is_excluded(self, altimeter: str) -> bool:
         """Whether the filter excludes an altimeter from aiding."""
@@ -69,6 +76,9 @@ class Fallbacks:
         if self._aided:
             self._aided.set_nav_state(nav)
         out: list[Output | Event] = []
+        if self._aided and self._ground:
+            out += self._ground.tick(t_ns)
+            self._aided.set_ground_contradicting(self._ground.is_contradicting)
         if self._aided and self._ticks % FILTER_TICKS == 0:
             self._aided.set_suspects(find_suspects())
             out += [*self._aided.events(t_ns), self._aided.solution(t_ns), *self._aided.provisional_solutions(t_ns)]

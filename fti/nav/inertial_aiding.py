@@ -55,8 +55,10 @@ from fti.nav.filter.error_states import (
     own_drifts,
     receiver_drifts,
 )
-from fti.nav.filter.innovation_gate import GateStates
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.innovation_gate import GateState, GateStates
 from fti.nav.filter.navigator import InertialNavigator, is_known
+from fti.nav.filter.position_mark import MarkedPosition, PositionMark, mark_drifts
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
 from fti.nav.navigation import NavState
 from fti.nav.plausibility.source import UnconfirmedSource
@@ -93,15 +95,21 @@ CLIMB_NS = 500_000_000
 BARO_NS = 2_000_000_000
 #: Period of heights of one altimeter that aid [ns].
 HEIGHT_NS = 1_000_000_000
+#: Satellites that were accepted within so long verify the map [ns].
+SATELLITES_NS = 10_000_000_000
 
 
 class AidedNavigation:
-    """Filter and vertical channel.  settings : which devices feed them; devices : all, by name"""
+    """Filter and vertical channel.
 
-    def __init__(self, settings: Filter, devices: dict[str, Device]) -> None:
+    settings : which devices feed them; devices : all, by name
+    map_sd   : horizontal sigma of the elevation if positions from the ground aid [m]; None: they do not
+    """
+
+    def __init__(self, settings: Filter, devices: dict[str, Device], map_sd: float | None = None) -> None:
         self._settings = settings
         self._arms = {name: device.lever_arm_b for name, device in devices.items()}
-        self._navigator = InertialNavigator(_model(settings))
+        self._navigator = InertialNavigator(_model(settings, map_sd))
         self._exclusions = ExclusionEvents(self._navigator, settings.altimeters)
         self._faults = FaultDetection(self._navigator, settings)
         self._dead_reckoning = DeadReckoningAids(settings)
@@ -121,6 +129,7 @@ class AidedNavigation:
         self._barometer: str | None = None
         self._climbs: dict[str, tuple[int, float | None, float | None]] = {}
         self._last_altimeter: str | None = None
+        self._is_ground_contradicting = False
         self._solution: FilterSolution | None = None  # valid until the next input of the filter
 
     def set_terrain(self, ground: Ground | None) -> None:
@@ -280,13 +289,16 @@ class AidedNavigation:
         climb_ns, climb, sd = self._climbs.get(device, (t_ns, None, None))
         return (climb, sd) if abs(t_ns - climb_ns) <= CLIMB_NS else (None, None)
 
-    def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
-        """A valid height of an altimeter over known ground; the ground is that below the position of its time."""
+    def feed_height(self, height: HeightAboveGround, nav: NavState) -> bool:
+        """A valid height of an altimeter over known ground; the ground is that below the position of its time.
+
+        Returns whether it aids the altitude.
+        """
         if not self._is_due(height) or height.t_valid_ns is None:
-            return
+            return False
         known = altitude_over_terrain(height, self._ground, nav.position)
         if known is None or self._ground is None:
-            return
+            return False
         self._solution = None
         t_ns, height_agl, sd = height.t_valid_ns, known.height_agl, known.height_sd
         self._used_ns[height.sensor], self._last_altimeter = t_ns, height.sensor
@@ -296,6 +308,7 @@ class AidedNavigation:
         name, own = altitude_name(height.sensor), own_states(height.sensor)
         altitude = TerrainAltitude(height_agl + known.ground, sd or self._ground.sd, height_agl, name, slow, *own)
         self._navigator.feed_aiding(t_ns, altitude)
+        return True
 
     def _is_due(self, height: HeightAboveGround) -> bool:
         last = self._used_ns.get(height.sensor)
@@ -303,7 +316,26 @@ class AidedNavigation:
             return False
         return last is None or abs(height.t_valid_ns - last) >= HEIGHT_NS
 
+    def feed_terrain_fix(self, t_ns: int, aiding: PositionMark | MarkedPosition) -> None:
+        """A mark of the position, or a position from the ground at a mark (``fti.nav.terrain_positioning``)."""
+        self._solution = None
+        self._navigator.feed_aiding(t_ns, aiding)
+
     # ---------------------------------------------------------------------------------------------------------- outputs
+
+    def estimate(self, t_ns: int) -> Estimate | None:
+        """State and covariance of the filter; None while it is not aligned, and where it does not reach."""
+        return self._navigator.at(t_ns) if self._navigator.is_aligned else None
+
+    def gate_state(self, name: str) -> GateState | None:
+        """State of the innovation gate for a source; None before its first measurement."""
+        return self._navigator.gate_states.get(name)
+
+    def has_satellites(self, t_ns: int) -> bool:
+        """Whether the filter has accepted a position of a receiver within ``SATELLITES_NS``."""
+        states = (self.gate_state(f"{device}.position") for device in self._settings.gnss)
+        accepted = [state.accepted_ns for state in states if state is not None and state.accepted_ns is not None]
+        return bool(accepted) and t_ns - max(accepted) <= SATELLITES_NS
 
     def is_excluded(self, altimeter: str) -> bool:
         """Whether the filter excludes an altimeter from aiding."""
@@ -327,7 +359,10 @@ class AidedNavigation:
 
     def _with_protection(self, solution: FilterSolution) -> FilterSolution:
         levels = self._faults.levels(solution.t_ns) if solution.valid else None
-        return solution if levels is None else structs.replace(solution, hpl=levels.horizontal, vpl=levels.vertical)
+        if levels is None:
+            return solution
+        reasons = (*solution.reasons, Reason.CONTRADICTION) if self.is_unresolved else solution.reasons
+        return structs.replace(solution, hpl=levels.horizontal, vpl=levels.vertical, reasons=reasons)
 
     def provisional_solutions(self, t_ns: int) -> list[ProvisionalSolution]:
         """Solutions of the filter with each unconfirmed receiver; none while the filter is invalid."""
@@ -374,6 +409,15 @@ class AidedNavigation:
         return self._faults.refused_heights
 
     @property
+    def is_unresolved(self) -> bool:
+        """Whether sources contradict each other, and it is unknown which is wrong."""
+        return self._faults.is_unresolved or self._is_ground_contradicting
+
+    def set_ground_contradicting(self, is_contradicting: bool) -> None:
+        """Set whether positions from the ground contradict the filter."""
+        self._is_ground_contradicting = is_contradicting
+
+    @property
     def separations(self) -> dict[str, list[Separation]]:
         """Of the filter from its copies, by class of sources (``fti.nav.separation``), the oldest copy first."""
         return self._faults.separations
@@ -406,7 +450,7 @@ class AidedNavigation:
         position, output = self.position(t_ns), self.solution(t_ns)
         if position is None or output.hpl is None or output.vpl is None:
             return None
-        table = ((Reason.CONTRADICTION, self._faults.is_unresolved), (Reason.REACQUIRED, self._faults.is_reacquired))
+        table = ((Reason.CONTRADICTION, self.is_unresolved), (Reason.REACQUIRED, self._faults.is_reacquired))
         unchecked = tuple(reason for reason, holds in table if holds)
         return FilterReference(
             position, output.hpl, output.vpl, frozenset(self._settings.gnss), self.refused, unchecked
@@ -456,7 +500,7 @@ def _drift_factor(sd: float, drift: Drift) -> float:
     return max(1.0, sd / drift.sd)
 
 
-def _model(settings: Filter) -> FilterModel:
+def _model(settings: Filter, map_sd: float | None) -> FilterModel:
     extras = receiver_drifts(settings.gnss)
     if settings.baro:
         extras |= {Extra.BARO: BARO_DRIFT, Extra.BARO_SCALE: BARO_SCALE_DRIFT}
@@ -466,4 +510,5 @@ def _model(settings: Filter) -> FilterModel:
         extras |= dict(zip(own_states(sensor), (ALTIMETER_BIAS, ALTIMETER_SCALE), strict=True))
     extras |= AIRSPEED_DRIFTS if settings.airspeed else {}
     extras |= HEADING_DRIFTS if settings.heading else {}
+    extras |= mark_drifts(map_sd) if map_sd is not None else {}
     return FilterModel(IMU_ERROR_MODELS[settings.unit], settings.states == 15, extras)

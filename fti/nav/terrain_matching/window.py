@@ -45,11 +45,21 @@ def cut_window(terrain: Terrain, profile: Profile, margin_m: float) -> TerrainWi
     rows, columns = layer.heights.shape
     if min(low_row, low_column) >= 0 and high_row < rows and high_column < columns:
         heights = layer.heights[low_row : high_row + 1, low_column : high_column + 1]
-    else:
-        east = corner[0] + layer.cell_m * np.arange(high_column - low_column + 1)
-        north = corner[1] + layer.cell_m * np.arange(high_row - low_row + 1)
-        heights = terrain.up(*np.meshgrid(east, north))
-    return TerrainWindow(heights, layer.cell_m, *corner)
+        return TerrainWindow(heights, layer.cell_m, *corner)
+    return _sample(terrain, corner, layer.cell_m, (high_row - low_row + 1, high_column - low_column + 1))
+
+
+def resample_window(terrain: Terrain, profile: Profile, margin_m: float, cell_m: float) -> TerrainWindow:
+    """The surface around a profile on posts of another distance [m]; NaN outside of the terrain."""
+    low_column, high_column = _span(profile.east, 0.0, cell_m, margin_m)
+    low_row, high_row = _span(profile.north, 0.0, cell_m, margin_m)
+    shape = (high_row - low_row + 1, high_column - low_column + 1)
+    return _sample(terrain, (low_column * cell_m, low_row * cell_m), cell_m, shape)
+
+
+def _sample(terrain: Terrain, corner: tuple[float, float], cell_m: float, shape: tuple[int, int]) -> TerrainWindow:
+    east, north = (first + cell_m * np.arange(n) for first, n in zip(corner, reversed(shape), strict=True))
+    return TerrainWindow(terrain.up(*np.meshgrid(east, north)), cell_m, *corner)
 
 
 def _span(places: Array, first: float, cell_m: float, margin_m: float) -> tuple[int, int]:

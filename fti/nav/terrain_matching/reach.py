@@ -1,0 +1,36 @@
+"""The posts and the lattice for a search within a distance, in bounded time and memory."""
+
+from __future__ import annotations
+
+import math
+
+from fti.nav.terrain_matching.profile import Profile
+from fti.nav.terrain_matching.search import Lattice
+from fti.nav.terrain_matching.window import TerrainWindow, cut_window, resample_window
+from fti.terrain.terrain import Terrain
+
+#: Shifts on each side of the centre, and posts of a window: 40 ms and 32 MB.
+MAX_STEPS, MAX_POSTS = 60, 4_000_000
+#: Posts around the shifted samples, for the refinement and for a drift.
+MARGIN_CELLS = 4
+
+
+def search_area(terrain: Terrain, profile: Profile, reach_m: float) -> tuple[TerrainWindow, Lattice]:
+    """The window around a profile, and the lattice of the shifts up to ``reach_m`` to each side.
+
+    Far searches have a stride of several cells; each minimum is then refined on all cells.  Where the posts of the
+    finest layer would be more than ``MAX_POSTS``, the window has larger cells.
+    """
+    cell_m = terrain.finest.cell_m
+    extent = [float(axis.max() - axis.min()) + 2.0 * reach_m for axis in (profile.east, profile.north)]
+    coarse_m = math.sqrt(extent[0] * extent[1] / MAX_POSTS)
+    is_coarse = coarse_m > cell_m
+    used_m = coarse_m if is_coarse else cell_m
+    cells = math.ceil(reach_m / used_m)
+    stride = math.ceil(cells / MAX_STEPS)
+    lattice = Lattice(math.ceil(cells / stride), stride)
+    margin_m = (lattice.steps * stride + MARGIN_CELLS) * used_m
+    window = (
+        resample_window(terrain, profile, margin_m, used_m) if is_coarse else cut_window(terrain, profile, margin_m)
+    )
+    return window, lattice

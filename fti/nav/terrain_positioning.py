@@ -1,0 +1,280 @@
+"""Live position from the ground: height profiles in succession, matched with known terrain, aid the filter.
+
+A profile lasts ``window_s``.  In its middle the filter marks its position (``fti.nav.filter.position_mark``); at its
+end the fix, with the covariance of its likelihood, corrects that mark.  Profiles do not overlap, and a height that aids
+the altitude of the filter is not part of one: each sample is used once.
+
+A search begins without a certain position: it reaches five sigma, at most ``MAX_REACH_M``, and three fixes in
+succession must agree before one aids.  Then each fix aids, and a search reaches four sigma.  Fixes that fit nowhere,
+lie at the edge, or are refused by the filter ``LOST_COUNT`` times in succession begin the search again.
+
+A fix that the filter refuses twice in succession contradicts it: the map or the position is wrong, and it is not known
+which.  Without satellites a displaced map is not detected (MAP_UNVERIFIED); ``map_sd_m`` is in the filter's levels.
+Configured by ``[nav.terrain_position]``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
+
+from fti.config import Device, TerrainPositionTable
+from fti.constants import SECOND_NS
+from fti.geodesy.formulas import metres_per_radian
+from fti.messages.outputs import Event, HeightAboveGround, TerrainFix
+from fti.messages.reasons import Reason
+from fti.nav.altimetry.compensation import mounting_of
+from fti.nav.filter.position_mark import TERRAIN_POSITION, MarkedPosition, PositionMark
+from fti.nav.height_profile import HeightProfile
+from fti.nav.separation.copies import largest_sd
+from fti.nav.terrain_matching.acquisition import Acquisition
+from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match
+from fti.nav.terrain_matching.profile import Profile
+from fti.nav.terrain_matching.reach import search_area
+from fti.nav.terrain_reference import Ground
+
+if TYPE_CHECKING:
+    from fti.nav.filter.estimate import Estimate
+    from fti.nav.inertial_aiding import AidedNavigation
+    from fti.nav.navigation import NavState
+
+#: Sigmas of the position that a search reaches, with and without a certain position; its limits [m].
+SEARCH_SIGMAS, TRACK_SIGMAS = 5.0, 4.0
+MIN_REACH_M, MAX_REACH_M = 150.0, 5000.0
+LOST_COUNT, CONTRADICTION_COUNT = 3, 2
+#: Heights may arrive so late after the end of a profile [ns].
+LATE_NS = 200_000_000
+#: Repetition of the last fix, and its greatest age in profiles.
+REPEAT_NS, MAX_AGE_PROFILES = 500_000_000, 3
+#: Errors of elevation are correlated over some 60 m to either side: closer samples count less.
+CORRELATED_M = 120.0
+#: Least sigma of a velocity of the filter for the drift within a profile [m/s].
+MIN_DRIFT_MPS = 0.05
+REASON_OF = {
+    Refusal.UNKNOWN_GROUND: Reason.TERRAIN_HOLE,
+    Refusal.FLAT: Reason.GROUND_FLAT,
+    Refusal.AT_EDGE: Reason.SEARCH_EDGE,
+    Refusal.RESIDUAL: Reason.PROFILE_MISFIT,
+    Refusal.AMBIGUOUS: Reason.AMBIGUOUS,
+}
+#: Refusals that show that the position or the terrain is wrong; the others are properties of the ground.
+LOSING = frozenset({Reason.SEARCH_EDGE, Reason.PROFILE_MISFIT, Reason.REJECTED})
+NAME = "position from the ground"
+
+
+@dataclass(slots=True)
+class _Mark:
+    """The marked position.  estimate : the filter's then"""
+
+    aiding: PositionMark
+    estimate: Estimate
+
+
+class TerrainPosition:
+    """Position from the heights of one altimeter.  aided : the filter that it aids"""
+
+    def __init__(self, settings: TerrainPositionTable, devices: Mapping[str, Device], aided: AidedNavigation) -> None:
+        self._settings, self._aided = settings, aided
+        self._mounting = mounting_of(devices[settings.altimeter])
+        self._span_ns = round(settings.window_s * SECOND_NS)
+        self._limits = MatchLimits(max_sd_m=settings.max_sd_m)
+        self._profile: HeightProfile | None = None
+        self._mark: _Mark | None = None
+        self._acquisition = Acquisition(MIN_DRIFT_MPS)
+        self._is_search, self._lost, self._refused = True, 0, 0
+        self._fix: TerrainFix | None = None
+        self._is_undecided = False
+        self._sent_ns = 0
+        self._events: list[Event] = []
+
+    @property
+    def is_contradicting(self) -> bool:
+        """Whether the last fixes contradict the filter."""
+        return self._refused >= CONTRADICTION_COUNT
+
+    def set_terrain(self, ground: Ground | None) -> None:
+        """Set the known ground; a profile over another one is dropped."""
+        self._profile, self._mark = HeightProfile(self._mounting, ground) if ground else None, None
+
+    def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
+        """Take an output of the altimeter that does not aid the altitude of the filter."""
+        if self._profile is None or height.sensor != self._settings.altimeter or height.t_valid_ns is None:
+            return
+        estimate = self._aided.estimate(height.t_valid_ns) if nav.attitude else None
+        if nav.attitude is None or estimate is None:
+            self._drop()
+        elif not self._profile.add(height, estimate, nav.attitude):
+            self._mark = None
+
+    def tick(self, t_ns: int) -> list[TerrainFix | Event]:
+        """Mark the middle of a profile, match it at its end, repeat the last fix; events."""
+        profile = self._profile
+        if profile is not None and (begin_ns := profile.begin_ns) is not None:
+            if self._mark is None and t_ns - begin_ns >= self._span_ns // 2:
+                self._set_mark(t_ns)
+            if t_ns - begin_ns >= self._span_ns + LATE_NS:
+                self._finish(profile, t_ns)
+        if self._is_undecided and self._fix is not None:
+            self._see_decision(self._fix, t_ns)
+        out: list[TerrainFix | Event] = [*self._events]
+        self._events.clear()
+        if t_ns - self._sent_ns >= REPEAT_NS or (self._fix is not None and self._fix.t_ns == t_ns):
+            self._sent_ns = t_ns
+            out.append(self._repeat(t_ns))
+        return out
+
+    # -------------------------------------------------------------------------------------------------------- profiles
+
+    def _drop(self) -> None:
+        if self._profile is not None:
+            self._profile.clear()
+        self._mark = None
+
+    def _set_mark(self, t_ns: int) -> None:
+        estimate = self._aided.estimate(t_ns)
+        if estimate is None:
+            self._drop()
+            return
+        self._mark = _Mark(PositionMark(*estimate.geodetic), estimate)
+        self._aided.feed_terrain_fix(t_ns, self._mark.aiding)
+
+    def _finish(self, heights: HeightProfile, t_ns: int) -> None:
+        """Match a profile, let its fix aid, and begin the next profile."""
+        mark, ground, begin_ns = self._mark, heights.ground, heights.begin_ns
+        if mark is None or begin_ns is None:
+            self._drop()
+            return
+        fix = TerrainFix(
+            t_ns=t_ns, t_valid_ns=mark.estimate.t_ns, valid=False, reasons=(Reason.TOO_FEW_HEIGHTS,),
+            is_search=self._is_search, map_sd=self._settings.map_sd_m, reach=self._reach(mark.estimate),
+            samples=len(heights), length=heights.length_m,
+        )  # fmt: skip
+        profile = heights.make(float(mark.estimate.sd_n[2]), self._span_ns)
+        self._drop()
+        self._fix = fix if profile is None else self._use(self._match(profile, fix, mark, ground), fix, mark, ground)
+
+    def _reach(self, estimate: Estimate) -> float:
+        """How far to search from a position [m]."""
+        level_sd = math.hypot(largest_sd(estimate.cov_n[:2, :2]), self._settings.map_sd_m)
+        sigmas = SEARCH_SIGMAS if self._is_search else TRACK_SIGMAS
+        return min(max(sigmas * level_sd, MIN_REACH_M), MAX_REACH_M)
+
+    def _match(self, profile: Profile, fix: TerrainFix, mark: _Mark, ground: Ground) -> MatchFix:
+        """The fix at the time of the mark, with the position's prior drift."""
+        window, lattice = search_area(ground.terrain, profile, fix.reach or MIN_REACH_M)
+        share = min(max(fix.length or 0.0, 1.0) / fix.samples / CORRELATED_M, 1.0)
+        drift_sd = _drift_sd(mark.estimate)
+        return match(window, profile, lattice, self._limits, independent_share=share, drift_sd=drift_sd)
+
+    def _use(self, found: MatchFix, fix: TerrainFix, mark: _Mark, ground: Ground) -> TerrainFix:
+        """The output of a fix, which aids if nothing refuses it."""
+        self._acquisition.drift_mps = _drift_sd(mark.estimate)
+        confirmed = self._acquisition.add(found)
+        reasons = tuple(REASON_OF[refusal] for refusal in sorted(found.refusals))
+        if not reasons and self._is_search and confirmed is None:
+            reasons = (Reason.NOT_CONFIRMED,)
+        fix = _complete(replace(fix, valid=not reasons, reasons=reasons), found, mark, ground)
+        if reasons:
+            self._count_loss(fix)
+            return fix
+        if self._is_search:
+            self._is_search = False
+            self._report(fix.t_ns, "info", f"three profiles agree to {_larger_sd(fix):.0f} m; it aids the filter")
+        self._aided.feed_terrain_fix(fix.t_ns, _aiding(fix, mark))
+        self._is_undecided = True
+        return fix
+
+    def _count_loss(self, fix: TerrainFix) -> None:
+        """Search again after ``LOST_COUNT`` refusals in succession that show a wrong position or terrain."""
+        self._lost = 0 if LOSING.isdisjoint(fix.reasons) else self._lost + 1
+        if self._lost >= LOST_COUNT and not self._is_search:
+            self._is_search, self._lost = True, 0
+            self._report(fix.t_ns, "warning", f"lost: {LOST_COUNT} profiles in succession do not fit; searching")
+
+    def _see_decision(self, fix: TerrainFix, t_ns: int) -> None:
+        """The filter accepts or refuses a fix with its next inertial sample."""
+        state = self._aided.gate_state(TERRAIN_POSITION)
+        if state is None or fix.t_ns >= t_ns:
+            return
+        self._is_undecided = False
+        if state.refused_since_ns is None and state.exclusion.cause is None:
+            if self.is_contradicting:
+                self._report(t_ns, "info", "agrees with the filter again")
+            self._lost = self._refused = 0
+            return
+        self._fix = replace(fix, valid=False, reasons=(*fix.reasons, Reason.REJECTED))
+        self._refused += 1
+        if self._refused == CONTRADICTION_COUNT:
+            north, east = fix.shift_north or 0.0, fix.shift_east or 0.0
+            place = f"{math.hypot(north, east):.0f} m from the filter, towards {bearing_deg(north, east):.0f} deg"
+            text = (
+                f"{CONTRADICTION_COUNT} profiles lie {place}; the map or the position is wrong, it is not known which"
+            )
+            self._report(t_ns, "warning", text)
+        self._count_loss(self._fix)
+
+    def _report(self, t_ns: int, level: str, text: str) -> None:
+        self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=f"{NAME}: {text}"))
+
+    def _repeat(self, t_ns: int) -> TerrainFix:
+        """The last fix as an output of this time."""
+        has_satellites = self._aided.has_satellites(t_ns)
+        unchecked = () if has_satellites else (Reason.MAP_UNVERIFIED,)
+        if self._fix is None:
+            reason = Reason.NO_TERRAIN if self._profile is None else Reason.TOO_FEW_HEIGHTS
+            return TerrainFix(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=(reason,), unchecked=unchecked)
+        age_ns = t_ns - (self._fix.t_valid_ns or 0)
+        if self._fix.valid and age_ns > MAX_AGE_PROFILES * self._span_ns:
+            self._fix = replace(self._fix, valid=False, reasons=(Reason.STALE,))
+        return replace(self._fix, t_ns=t_ns, unchecked=unchecked)
+
+
+def bearing_deg(north: float, east: float) -> float:
+    """Direction of a horizontal vector from north [deg], 0..360."""
+    return math.degrees(math.atan2(east, north)) % 360.0
+
+
+def _drift_sd(estimate: Estimate) -> float:
+    """One sigma of the horizontal velocity [m/s]."""
+    return max(float(estimate.sd_n[3:5].max()), MIN_DRIFT_MPS)
+
+
+def _larger_sd(fix: TerrainFix) -> float:
+    return max(fix.north_sd or 0.0, fix.east_sd or 0.0)
+
+
+def _aiding(fix: TerrainFix, mark: _Mark) -> MarkedPosition:
+    """A valid fix as a measurement of the filter."""
+    assert fix.lat is not None and fix.lon is not None and fix.north_sd is not None and fix.east_sd is not None
+    across = (fix.correlation or 0.0) * fix.north_sd * fix.east_sd
+    return MarkedPosition(mark.aiding, fix.lat, fix.lon, (fix.north_sd**2, fix.east_sd**2, across))
+
+
+def _complete(fix: TerrainFix, found: MatchFix, mark: _Mark, ground: Ground) -> TerrainFix:
+    """An output with the position of a match; unchanged without a position."""
+    if not math.isfinite(found.shift[0]):
+        return fix
+    lat, lon, alt = mark.estimate.geodetic
+    point = ground.terrain.frame.to_local(lat, lon, alt)
+    point[:2] += found.shift + found.drift * (mark.estimate.t_ns / SECOND_NS - found.t)
+    at_lat, at_lon, _ = map(float, ground.terrain.frame.to_geodetic(point))
+    per_lat, per_lon = metres_per_radian(lat, alt)
+    east_sd, north_sd = math.sqrt(found.cov[0, 0]), math.sqrt(found.cov[1, 1])
+    return replace(
+        fix,
+        lat=at_lat,
+        lon=at_lon,
+        north_sd=north_sd,
+        east_sd=east_sd,
+        correlation=float(found.cov[0, 1]) / (east_sd * north_sd),
+        shift_north=(at_lat - lat) * per_lat,
+        shift_east=(at_lon - lon) * per_lon,
+        up=found.up,
+        up_sd=found.up_sd,
+        ambiguity=found.ambiguity if math.isfinite(found.ambiguity) else None,
+        noise_ratio=found.noise_ratio,
+    )
