@@ -7,6 +7,7 @@
     fix            the shift with the smallest chi-square, its covariance, and why it may be refused
     apparent_surface  the ground as a banked altimeter with a beam sees it, as a window
     beam_profile   the ranges of an altimeter with several beams as one profile
+    beam_choice    which beam to measure with next: switching and steering by forecast
     acquisition    three independent fixes that agree
     printed_metric the metric and the covariance of the source, for comparison
 
