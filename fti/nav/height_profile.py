@@ -1,9 +1,10 @@
 """Collects the height profile below the track, for the position from the ground.
 
-A sample is the point of the ground that an altimeter has measured, at the navigated position of P: the attitude turns
-the range into the vertical; known terrain is not used.  A radar reports the nearest return, at the excess of its tilt
-over half its beam (``fti.nav.altimetry.compensation``).  Samples with reasons that come from the known ground alone are
-used, because the position may be wrong; all other reasons discard the sample.  Frame: east, north, up of the terrain.
+A laser measures a point: the attitude turns its range into that point, at the navigated position.  A radar measures its
+nearest return: the profile has the apparent heights of the ground, altitude minus range, at the positions of the
+sensor, and is matched with the apparent surface (``fti.nav.terrain_matching.nearest_surface``).  Samples with reasons
+that come from the known ground alone are used, because the position may be wrong; all other reasons discard the sample.
+Frame: east, north, up of the terrain.
 """
 
 from __future__ import annotations
@@ -15,14 +16,18 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.constants import SECOND_NS
-from fti.geodesy.formulas import Vector, mat_nb, rotate
+from fti.geodesy.formulas import mat_nb
 from fti.messages.outputs import HeightAboveGround
 from fti.nav.altimetry.altimeter_channel import TERRAIN_REASONS
-from fti.nav.altimetry.compensation import Mounting, tilt_of
+from fti.nav.altimetry.compensation import Mounting
 from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.filter.estimate import Estimate
 from fti.nav.source_interpolation import AttitudeState
+from fti.nav.terrain_matching.nearest_surface import BeamTrack, nearest_surface
 from fti.nav.terrain_matching.profile import MIN_SAMPLES, Profile
+from fti.nav.terrain_matching.reach import MARGIN_CELLS, search_area
+from fti.nav.terrain_matching.search import Lattice
+from fti.nav.terrain_matching.window import TerrainWindow
 from fti.nav.terrain_reference import Ground
 
 #: Shortest time between samples [ns], as in the source: 5 Hz.
@@ -32,8 +37,6 @@ MIN_SHARE = 0.5
 #: Largest change of the navigated position against its velocity from one sample to the next [m]: a correction of the
 #: filter by more would bend the profile.
 MAX_JUMP_M = 5.0
-#: Below this sine of the tilt the azimuth of the beam is not used.
-LEVEL_TILT = 1e-6
 
 
 @dataclass(slots=True)
@@ -43,7 +46,9 @@ class HeightProfile:
     mounting: Mounting
     ground: Ground
     _t_ns: list[int] = field(default_factory=list)
-    _points_l: list[Array] = field(default_factory=list)
+    _origins: list[Array] = field(default_factory=list)
+    _axes: list[Array] = field(default_factory=list)
+    _ranges: list[float] = field(default_factory=list)
     _sds: list[float] = field(default_factory=list)
     _last: Estimate | None = None
 
@@ -58,11 +63,11 @@ class HeightProfile:
     @property
     def length_m(self) -> float:
         """Distance between the first and the last sample, horizontally."""
-        return math.hypot(*(self._points_l[-1] - self._points_l[0])[:2]) if self._points_l else 0.0
+        return math.hypot(*(self._origins[-1] - self._origins[0])[:2]) if self._origins else 0.0
 
     def clear(self) -> None:
         """Remove all samples."""
-        self._t_ns, self._points_l, self._sds, self._last = [], [], [], None
+        self._t_ns, self._origins, self._axes, self._ranges, self._sds, self._last = [], [], [], [], [], None
 
     def add(self, height: HeightAboveGround, estimate: Estimate, attitude: AttitudeState) -> bool:
         """Add a height with the navigated state at its time; False begins a new profile, because the position jumped.
@@ -78,38 +83,44 @@ class HeightProfile:
         if has_jumped:
             self.clear()
         frame, (lat, lon, alt) = self.ground.terrain.frame, estimate.geodetic
-        foot_n = _foot(self.mounting, value, attitude.roll, attitude.pitch, attitude.heading)
-        point = frame.to_local(lat, lon, alt) + frame.mat_ln(lat, lon) @ foot_n
-        sd = stated_sd(height.nearest_sd, RANGE_SD_UNKNOWN)
+        mat = frame.mat_ln(lat, lon) @ np.array(mat_nb(attitude.roll, attitude.pitch, attitude.heading))
+        origin = frame.to_local(lat, lon, alt) + mat @ self.mounting.lever_arm_b
         self._t_ns.append(t_ns)
-        self._points_l.append(point)
-        self._sds.append(math.hypot(sd, self.ground.sd_at(float(point[0]), float(point[1]))))
+        self._origins.append(origin)
+        self._axes.append(mat @ self.mounting.boresight_b)
+        self._ranges.append(value)
+        sd = stated_sd(height.nearest_sd, RANGE_SD_UNKNOWN)
+        self._sds.append(math.hypot(sd, self.ground.sd_at(float(origin[0]), float(origin[1]))))
         self._last = estimate
         return not has_jumped
 
-    def make(self, height_sd: float, span_ns: int) -> Profile | None:
-        """The profile; None with too few samples.
+    def is_complete(self, span_ns: int) -> bool:
+        """Whether it has enough samples of the time in which they were collected."""
+        return len(self) >= max(MIN_SAMPLES, MIN_SHARE * span_ns / PERIOD_NS)
 
-        height_sd : one sigma of the navigated height [m];  span_ns : time in which they were collected
+    def search_area(self, height_sd: float, reach_m: float) -> tuple[Profile, TerrainWindow, Lattice]:
+        """The profile, and the ground and the shifts to compare it with.
+
+        height_sd : one sigma of the navigated height [m];  reach_m : largest shift, each way [m]
+        Raises ValueError with fewer than ``MIN_SAMPLES`` samples.
         """
-        if len(self) < max(MIN_SAMPLES, MIN_SHARE * span_ns / PERIOD_NS):
-            return None
-        east, north, up = np.array(self._points_l).T
-        return Profile(np.array(self._t_ns) / SECOND_NS, east, north, up, np.array(self._sds), height_sd)
+        t, sds = np.array(self._t_ns) / SECOND_NS, np.array(self._sds)
+        origins, axes, ranges = np.array(self._origins), np.array(self._axes), np.array(self._ranges)
+        terrain = self.ground.terrain
+        if self.mounting.half_beam == 0.0:
+            east, north, up = (origins + ranges[:, None] * axes).T
+            profile = Profile(t, east, north, up, sds, height_sd)
+            return profile, *search_area(terrain, profile, reach_m)
+        profile = Profile(t, origins[:, 0], origins[:, 1], origins[:, 2] - ranges, sds, height_sd)
+        track = BeamTrack(origins, axes, self.mounting.half_beam)
+        window, lattice = search_area(
+            terrain, profile, reach_m, margin_m=track.footprint_m(ranges), min_cell_m=track.cell_m(ranges)
+        )
+        corridor_m = math.sqrt(2.0) * (reach_m + MARGIN_CELLS * window.cell_m)
+        return profile, nearest_surface(window, track, corridor_m), lattice
 
 
 def _jump_m(before: Estimate, after: Estimate) -> float:
     """Distance of a position from the one before, moved with the mean velocity [m]."""
     seconds = (after.t_ns - before.t_ns) / SECOND_NS
     return float(np.linalg.norm(after.y[:3] - before.y[:3] - 0.5 * seconds * (before.y[3:6] + after.y[3:6])))
-
-
-def _foot(mounting: Mounting, slant_range: float, roll: float, pitch: float, heading: float) -> Vector:
-    """From P to the measured point: north, east, down [m]."""
-    mat = mat_nb(roll, pitch, heading)
-    axis, arm = rotate(mat, mounting.boresight_b), rotate(mat, mounting.lever_arm_b)
-    excess = max(0.0, tilt_of(mounting, roll, pitch) - mounting.half_beam)
-    aside = math.hypot(axis[0], axis[1])
-    out = slant_range * math.sin(excess) / aside if aside > LEVEL_TILT else 0.0
-    down = arm[2] + slant_range * math.cos(excess)
-    return arm[0] + out * axis[0], arm[1] + out * axis[1], down

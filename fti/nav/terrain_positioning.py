@@ -33,8 +33,6 @@ from fti.nav.height_profile import HeightProfile
 from fti.nav.separation.copies import largest_sd
 from fti.nav.terrain_matching.acquisition import Acquisition
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match
-from fti.nav.terrain_matching.profile import Profile
-from fti.nav.terrain_matching.reach import search_area
 from fti.nav.terrain_reference import Ground
 
 if TYPE_CHECKING:
@@ -153,9 +151,9 @@ class TerrainPosition:
             is_search=self._is_search, map_sd=self._settings.map_sd_m, reach=self._reach(mark.estimate),
             samples=len(heights), length=heights.length_m,
         )  # fmt: skip
-        profile = heights.make(float(mark.estimate.sd_n[2]), self._span_ns)
+        is_complete = heights.is_complete(self._span_ns)
+        self._fix = self._use(self._match(heights, fix, mark), fix, mark, ground) if is_complete else fix
         self._drop()
-        self._fix = fix if profile is None else self._use(self._match(profile, fix, mark, ground), fix, mark, ground)
 
     def _reach(self, estimate: Estimate) -> float:
         """How far to search from a position [m]."""
@@ -163,9 +161,9 @@ class TerrainPosition:
         sigmas = SEARCH_SIGMAS if self._is_search else TRACK_SIGMAS
         return min(max(sigmas * level_sd, MIN_REACH_M), MAX_REACH_M)
 
-    def _match(self, profile: Profile, fix: TerrainFix, mark: _Mark, ground: Ground) -> MatchFix:
-        """The fix at the time of the mark, with the position's prior drift."""
-        window, lattice = search_area(ground.terrain, profile, fix.reach or MIN_REACH_M)
+    def _match(self, heights: HeightProfile, fix: TerrainFix, mark: _Mark) -> MatchFix:
+        """The fix of a profile, with the position's drift as its prior."""
+        profile, window, lattice = heights.search_area(float(mark.estimate.sd_n[2]), fix.reach or MIN_REACH_M)
         share = min(max(fix.length or 0.0, 1.0) / fix.samples / CORRELATED_M, 1.0)
         drift_sd = _drift_sd(mark.estimate)
         return match(window, profile, lattice, self._limits, independent_share=share, drift_sd=drift_sd)
@@ -190,7 +188,8 @@ class TerrainPosition:
 
     def _count_loss(self, fix: TerrainFix) -> None:
         """Search again after ``LOST_COUNT`` refusals in succession that show a wrong position or terrain."""
-        self._lost = 0 if LOSING.isdisjoint(fix.reasons) else self._lost + 1
+        is_loss = not LOSING.isdisjoint(fix.reasons) and Reason.GROUND_FLAT not in fix.reasons
+        self._lost = self._lost + 1 if is_loss else 0
         if self._lost >= LOST_COUNT and not self._is_search:
             self._is_search, self._lost = True, 0
             self._report(fix.t_ns, "warning", f"lost: {LOST_COUNT} profiles in succession do not fit; searching")

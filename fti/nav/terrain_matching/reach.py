@@ -15,22 +15,25 @@ MAX_STEPS, MAX_POSTS = 60, 4_000_000
 MARGIN_CELLS = 4
 
 
-def search_area(terrain: Terrain, profile: Profile, reach_m: float) -> tuple[TerrainWindow, Lattice]:
+def search_area(
+    terrain: Terrain, profile: Profile, reach_m: float, *, margin_m: float = 0.0, min_cell_m: float = 0.0
+) -> tuple[TerrainWindow, Lattice]:
     """The window around a profile, and the lattice of the shifts up to ``reach_m`` to each side.
 
     Far searches have a stride of several cells; each minimum is then refined on all cells.  Where the posts of the
     finest layer would be more than ``MAX_POSTS``, the window has larger cells.
+
+    margin_m : additional ground at each side [m];  min_cell_m : distance between posts, at least [m]
     """
-    cell_m = terrain.finest.cell_m
-    extent = [float(axis.max() - axis.min()) + 2.0 * reach_m for axis in (profile.east, profile.north)]
-    coarse_m = math.sqrt(extent[0] * extent[1] / MAX_POSTS)
-    is_coarse = coarse_m > cell_m
-    used_m = coarse_m if is_coarse else cell_m
-    cells = math.ceil(reach_m / used_m)
+    extent = [float(axis.max() - axis.min()) + 2.0 * (reach_m + margin_m) for axis in (profile.east, profile.north)]
+    coarse_m = max(math.sqrt(extent[0] * extent[1] / MAX_POSTS), min_cell_m)
+    is_coarse = coarse_m > terrain.finest.cell_m
+    cell_m = coarse_m if is_coarse else terrain.finest.cell_m
+    cells = math.ceil(reach_m / cell_m)
     stride = math.ceil(cells / MAX_STEPS)
     lattice = Lattice(math.ceil(cells / stride), stride)
-    margin_m = (lattice.steps * stride + MARGIN_CELLS) * used_m
+    around_m = (lattice.steps * stride + MARGIN_CELLS) * cell_m + margin_m
     window = (
-        resample_window(terrain, profile, margin_m, used_m) if is_coarse else cut_window(terrain, profile, margin_m)
+        resample_window(terrain, profile, around_m, cell_m) if is_coarse else cut_window(terrain, profile, around_m)
     )
     return window, lattice
