@@ -34,6 +34,8 @@ from fti.nav.terrain_reference import Ground
 PERIOD_NS = 200_000_000
 #: Share of the possible samples that a profile needs.
 MIN_SHARE = 0.5
+#: Cells of a radar's search, each way; a far one has larger cells.
+MAX_CELLS = 100
 #: Largest change of the navigated position against its velocity from one sample to the next [m]: a correction of the
 #: filter by more would bend the profile.
 MAX_JUMP_M = 5.0
@@ -114,7 +116,11 @@ class HeightProfile:
         profile = Profile(t, origins[:, 0], origins[:, 1], origins[:, 2] - ranges, sds, height_sd)
         track = BeamTrack(origins, axes, self.mounting.half_beam)
         window, lattice = search_area(
-            terrain, profile, reach_m, margin_m=track.footprint_m(ranges), min_cell_m=track.cell_m(ranges)
+            terrain,
+            profile,
+            reach_m,
+            margin_m=track.footprint_m(ranges),
+            min_cell_m=max(track.cell_m(ranges), reach_m / MAX_CELLS),
         )
         corridor_m = math.sqrt(2.0) * (reach_m + MARGIN_CELLS * window.cell_m)
         return profile, nearest_surface(window, track, corridor_m), lattice
