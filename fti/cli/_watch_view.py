@@ -30,6 +30,8 @@ FALLBACKS = {
     "/nav/vertical_solution": "vertical channel",
     "/nav/position_fix": "satellites and DME",
 }
+#: Position from the ground, which aids the filter.
+GROUND = "/nav/terrain_fix"
 #: Solutions with unconfirmed sources.
 PROVISIONAL = "/nav/provisional_solution/"
 STRUCK_OUT = "strike bright_black"
@@ -136,6 +138,8 @@ def _outputs(outputs: Fields) -> Table:
             sigma = _sigma(found.get("vertical_sd"), "m")
             source = str(found.get("mode") or found.get("altitude_source") or found.get("altimeter") or "")
             _add(table, name, found, (_metres(found["alt"], 1), sigma, source))
+    if by_ground := outputs.get(GROUND):
+        _add_ground(table, by_ground)
     # The offset of the filter with each unconfirmed source; a late solution has ended and is left out.
     for topic, found in outputs.items():
         if topic.startswith(PROVISIONAL) and not found["late"]:
@@ -143,6 +147,14 @@ def _outputs(outputs: Fields) -> Table:
             values = (offset, _sigma(found["horizontal_sd"], "m"), f"HPL {_metres(found['hpl'], 0)}")
             _add(table, f"  {topic.removeprefix(PROVISIONAL)}, provisional", found, values)
     return table
+
+
+def _add_ground(table: Table, output: Fields) -> None:
+    """The fix of the last profile: its distance from the filter, its sigma, and its heights."""
+    has_place = output["north_sd"] is not None
+    offset = f"{_metres(math.hypot(output['shift_north'], output['shift_east']), 0)} off" if has_place else UNKNOWN
+    sigma = _sigma(max(output["north_sd"], output["east_sd"]), "m") if has_place else ""
+    _add(table, "position from the ground", output, (offset, sigma, f"{output['samples']} heights"))
 
 
 def _over_ground(output: Fields) -> tuple[str | Text, ...]:

@@ -23,7 +23,16 @@ from fti.hil.oracle.flag_definitions import (
     SOURCE_REFUSAL_S,
     monitor_recovery_s,
 )
-from fti.hil.oracle.required_outputs import FILTER, FIX, GLIDE, HEIGHT_BELOW, LOCATION, VERTICAL, RequiredOutput
+from fti.hil.oracle.required_outputs import (
+    FILTER,
+    FIX,
+    GLIDE,
+    GROUND_FIX,
+    HEIGHT_BELOW,
+    LOCATION,
+    VERTICAL,
+    RequiredOutput,
+)
 from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 from fti.hil.oracle.truth_checked_faults import SourceFault, is_truth_checked
 from fti.hil.tables.fault_base import DeviceFault, QuantityFault
@@ -51,7 +60,7 @@ from fti.hil.tables.fault_types import (
 
 Interval = tuple[float, float]
 #: Outputs that are compared with known terrain, and those that it aids.
-MONITORED_TOPICS, AIDED_TOPICS = (INTEGRITY, GLIDE), (FILTER, VERTICAL, FIX)
+MONITORED_TOPICS, AIDED_TOPICS = (INTEGRITY, GLIDE), (FILTER, VERTICAL, FIX, GROUND_FIX)
 #: A fault that causes no loss of a device.
 HARMLESS_FAULTS = GnssDegraded
 #: Faults with wrong values, wrong timestamps, or confused messages.

@@ -1,4 +1,4 @@
-// The fallback solutions: standard deviations, and reasons of invalid ones.
+// The fallback solutions: standard deviations, and reasons of invalid ones.  The position from the ground aids the filter.
 // Below them the provisional filters of unconfirmed sources: distance from the filter, protection level.
 
 import { h, Keyed, setAttribute, setText } from "./dom.js";
@@ -10,6 +10,8 @@ const NAMES = {
   "/nav/vertical_solution": ["vertical", "vertical channel"],
   "/nav/position_fix": ["fix", "satellites, DME"],
 };
+
+const GROUND = "/nav/terrain_fix";
 
 const PROVISIONAL = "/nav/provisional_solution/";
 
@@ -23,7 +25,9 @@ export class Fallbacks {
     const topics = Object.keys(NAMES).filter((topic) => topic in outputs);
     // Filters that have ended are no longer published.
     const provisional = Object.keys(outputs).filter((topic) => topic.startsWith(PROVISIONAL) && !outputs[topic].late);
-    const rows = this.rows.sync([...topics, ...provisional]);
+    const ground = GROUND in outputs ? [GROUND] : [];
+    const rows = this.rows.sync([...topics, ...ground, ...provisional]);
+    for (const topic of ground) showGround(rows.get(topic), outputs[topic]);
     for (const topic of provisional) showProvisional(rows.get(topic), outputs[topic]);
     for (const topic of topics) {
       const { sd, validity, root } = rows.get(topic);
@@ -39,6 +43,19 @@ export class Fallbacks {
   }
 }
 
+// The fix of the last profile: its sigma, its distance from the filter, and the age of its position.
+function showGround({ sd, validity, root }, output) {
+  const { text, kind } = describe(output);
+  const hasPlace = output.north_sd != null;
+  const distance = hasPlace ? `${fixed(Math.hypot(output.shift_north, output.shift_east), 0)} m off` : "";
+  const words = kind === "valid" ? [output.is_search ? "confirmed" : "valid", ...output.unchecked_text] : [text];
+  setText(sd, hasPlace ? `${plusMinus(Math.max(output.north_sd, output.east_sd), 0)} m, ${distance}` : "");
+  setText(validity, words.join(", "));
+  setAttribute(validity, "data-kind", kind);
+  const from = hasPlace ? `${output.samples} heights over ${fixed(output.length, 0)} m; search to ${fixed(output.reach, 0)} m` : text;
+  setAttribute(root, "title", from);
+}
+
 function showProvisional({ sd, validity, root }, output) {
   const { text, kind } = describe(output);
   const height = fixed(output.height_difference, 0, { sign: true });
@@ -50,7 +67,7 @@ function showProvisional({ sd, validity, root }, output) {
 
 function makeRow(topic) {
   const source = topic.slice(PROVISIONAL.length);
-  const [id, name] = NAMES[topic] ?? [`provisional-${source}`, source];
+  const [id, name] = topic === GROUND ? ["ground", "ground"] : NAMES[topic] ?? [`provisional-${source}`, source];
   const sd = h("span", { class: "sd", "data-testid": `fallback-${id}-sd` });
   const validity = h("span", { class: "validity", "data-testid": `fallback-${id}-validity` });
   return { root: h("div", { "data-testid": `fallback-${id}` }, h("strong", {}, name), " ", sd, " ", validity), sd, validity };

@@ -13,7 +13,14 @@ from fti.hil.faults.applicability import applies_to
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION, FlagAllowance
 from fti.hil.oracle.flight_flags import flight_allowances
 from fti.hil.oracle.output_effects import Interval, OutputEffects, interval_mask
-from fti.hil.oracle.required_outputs import GLIDE, HEIGHT_BELOW, RequiredOutput, approach_altimeter, required_outputs
+from fti.hil.oracle.required_outputs import (
+    GLIDE,
+    GROUND_FIX,
+    HEIGHT_BELOW,
+    RequiredOutput,
+    approach_altimeter,
+    required_outputs,
+)
 from fti.hil.tables.fault_types import Duplicated
 from fti.logger.reading.recording import Recording
 from fti.messages.reasons import Reason
@@ -172,6 +179,8 @@ class _Checks:
                 return np.zeros(len(t), dtype=bool)
             due = approach_due(reference.table, reference.reference, reference.craft, altimeter, reference.start_s)
             return np.asarray(np.interp(t, reference.truth.t, due.astype(float)) >= 1.0)
+        if output.topic == GROUND_FIX:  # whether it is valid is a property of the ground
+            return np.zeros(len(t), dtype=bool)
         nav = reference.config.nav
         of_navigation = output.topic.startswith("/nav/")
         if of_navigation and not (nav.attitude and (nav.position or output.topic.startswith(HEIGHT))):

@@ -16,13 +16,13 @@ from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import metres_per_radian
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.oracle.required_outputs import FILTER, FIX, GLIDE, HEIGHT_BELOW, LOCATION, VALIDITY, VERTICAL
+from fti.hil.oracle.required_outputs import FILTER, FIX, GLIDE, GROUND_FIX, HEIGHT_BELOW, LOCATION, VALIDITY, VERTICAL
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
 #: Outputs that must state a sigma with each value that has a sigma field.
-STATE_SIGMAS = frozenset((FILTER, FIX, VERTICAL, GLIDE))
+STATE_SIGMAS = frozenset((FILTER, FIX, VERTICAL, GLIDE, GROUND_FIX))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +70,14 @@ class Comparison:
         topic = self._series.topic
         if topic in (SOLUTION, FILTER, FIX, VERTICAL):
             return [*self._position(), *self._velocity(), *self._attitude()]
-        if topic == LOCATION:
-            return list(self._location())
-        if topic == GLIDE:
-            return list(self._glide_slope())
-        if topic == INTEGRITY:
-            return [self._plain(("window end", "m"), "s_end", "s", self._limits.horizontal_m)]
+        alone = {
+            LOCATION: self._location,
+            GROUND_FIX: self._ground_fix,
+            GLIDE: self._glide_slope,
+            INTEGRITY: self._integrity,
+        }
+        if topic in alone:
+            return list(alone[topic]())
         if topic.startswith((HEIGHT_BELOW, f"{HEIGHT}/")):
             return list(self._height(topic.removeprefix(HEIGHT_BELOW).rpartition("/")[2]))
         of_source = topic.startswith(f"{VALIDITY}/")
@@ -86,6 +88,15 @@ class Comparison:
     def _position(self) -> Iterator[QuantityError]:
         yield self._horizontal(self._column("lat"), self._column("lon"), self._column("horizontal_sd"))
         yield self._altitude("altitude", "alt")
+
+    def _integrity(self) -> Iterator[QuantityError]:
+        yield self._plain(("window end", "m"), "s_end", "s", self._limits.horizontal_m)
+
+    def _ground_fix(self) -> Iterator[QuantityError]:
+        """With the sigma of the fix on the map, and that of the map."""
+        fix_sd = np.maximum(self._column("north_sd"), self._column("east_sd"))
+        sd = np.hypot(fix_sd, self._column("map_sd"))
+        yield self._horizontal(self._column("lat"), self._column("lon"), sd)
 
     def _velocity(self) -> Iterator[QuantityError]:
         for name in ("vel_north", "vel_east", "vel_down"):
