@@ -28,6 +28,7 @@ from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import LIMITS, GateDecision
 from fti.nav.filter.measurement_update import compute_nis
 from fti.nav.filter.navigator import InertialNavigator
+from fti.nav.filter.position_mark import MARK
 from fti.nav.filter.segment import FilterSegment, Moment, cut
 from fti.nav.plausibility.source import UnconfirmedSource
 from fti.nav.separation.copies import Separation, separate
@@ -40,6 +41,7 @@ from fti.nav.separation.exclusions import (
     describe_unconfirmed,
     size_of,
 )
+from fti.nav.separation.ground_watch import GroundWatch
 from fti.nav.separation.monitor import HALF_K_FA, QUANTITY_AXES, REFUSED_NS, UNRESOLVED_END_NS, SourceFault
 from fti.nav.separation.protection import ProtectionLevels, filter_levels, provisional_levels
 from fti.nav.separation.provisional import ProvisionalFilters, ProvisionalResult
@@ -68,6 +70,7 @@ class FaultDetection:
     def __init__(self, navigator: InertialNavigator, settings: Filter) -> None:
         self._navigator = navigator
         self._classes = make_classes(settings) if settings.gnss else []
+        self._ground = GroundWatch(settings) if settings.gnss and MARK[0] in navigator.model.columns else None
         self._refused: dict[str, ExcludedReceiver] = {}  # by label
         self._events: list[Event] = []
         self._end_ns: int | None = None
@@ -148,7 +151,8 @@ class FaultDetection:
         return 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
 
     def _levels_of_copies(self, t_ns: int) -> list[ProtectionLevels]:
-        return [group.levels(self._lag_s(t_ns)) for group in self._classes]
+        watchers = (*self._classes, *((self._ground,) if self._ground else ()))
+        return [watcher.levels(self._lag_s(t_ns)) for watcher in watchers]
 
     def provisional(self, t_ns: int) -> list[ProvisionalResult]:
         """Provisional filters of unconfirmed receivers at a time; empty without an estimate."""
@@ -222,6 +226,8 @@ class FaultDetection:
                 group.follow(segment, pieces)
             else:
                 group.clear()
+        if self._ground:
+            self._ground.follow(segment, pieces)
         if not self.is_reacquired:
             self._tolerance = 0.0
         self._report_returns(segment)
@@ -304,6 +310,8 @@ class FaultDetection:
             self._exclude(group.devices, group.quantities, finding, segment, t_ns)
         elif faulty:
             self._report_unresolved(next(iter(faulty.values()))[1], t_ns)
+        elif self._ground and (contradiction := self._ground.find(segment)):
+            self._report_unresolved(contradiction, t_ns)
         elif self._unresolved_ns is not None:
             self._end_unresolved(t_ns)
 
@@ -385,6 +393,8 @@ class FaultDetection:
             self._add_event(t_ns, "warning", describe_exclusion(device, label, finding, t_ns))
         copy = finding.copy.estimate if finding.copy else None
         self._navigator.exclude(names_of(devices, quantities), finding.onset_ns, copy)
+        if self._ground:
+            self._ground.clear()
         for group in self._classes:
             if group.label != SATELLITES:
                 group.clear()
@@ -430,7 +440,8 @@ class FaultDetection:
 
     def _end_unresolved(self, t_ns: int) -> None:
         assert self._unresolved_ns is not None
-        if any(group.monitor.ratio > HALF_K_FA for group in self._classes):
+        monitors = [group.monitor for group in (*self._classes, self._ground) if group is not None]
+        if any(monitor.ratio > HALF_K_FA for monitor in monitors):
             self._unresolved_ns = self._end_ns
         elif (self._end_ns or 0) - self._unresolved_ns >= UNRESOLVED_END_NS:
             self._unresolved_ns = None
@@ -439,6 +450,8 @@ class FaultDetection:
     def _forget_copies(self) -> None:
         for group in self._classes:
             group.clear()
+        if self._ground:
+            self._ground.clear()
 
     # ------------------------------------------------------------------------------------------------------ readmission
 

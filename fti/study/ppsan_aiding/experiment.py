@@ -1,0 +1,65 @@
+"""A flight with each schedule, with the ground and without."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fti.arrays import Array
+from fti.study.ground_flights import GroundCase, GroundRun, Satellites, fly
+from fti.terrain.dem_error import DemError
+
+SECONDS = 250.0
+#: Parts of the flight with degraded or no satellites [s] (tables 7.4 and 7.5).
+PARTS = ((30.0, 40.0), (80.0, 100.0), (170.0, 200.0))
+DEGRADED = tuple(Satellites(*part, sds) for part, sds in zip(PARTS, ((4.0, 6.0), (5.0, 7.0), (6.0, 8.0)), strict=True))
+OUTAGES = tuple(Satellites(*part, None) for part in PARTS)
+#: Profiles of 10 s: three that agree are known 30 s after the alignment, as in the source.
+BASE = GroundCase(seconds=SECONDS, window_s=10.0, map_sd=2.0, dem_error=DemError(noise_sd=1.5))
+SCHEDULES = {"degraded": DEGRADED, "outages": OUTAGES}
+#: From here on errors are compared with their sigma, and at these instants [s].
+COMPARED_FROM_S, INSTANTS_S = 35.0, tuple(np.linspace(40.0, 245.0, 10))
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Of the filter, every second: time (n,) [s], error over sigma north and east (n, 2), distance (n,) [m]."""
+
+    t: Array
+    ratio: Array
+    distance: Array
+
+    def rms(self, part: tuple[float, float]) -> float:
+        """RMS of the horizontal error in a part of the flight [m]."""
+        inside = (self.t >= part[0]) & (self.t < part[1])
+        return float(np.sqrt(np.mean(self.distance[inside] ** 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """The same flight with the ground and without."""
+
+    with_ground: Track
+    without: Track
+
+
+def fly_schedule(name: str, seed: int, number: int, *, with_ground: bool) -> GroundRun:
+    """One flight of a schedule."""
+    case = replace(BASE, satellites=SCHEDULES[name], window_s=BASE.window_s if with_ground else None)
+    return fly(case, seed, number)
+
+
+def run(task: tuple[int, int]) -> dict[str, Pair]:
+    """Flight ``number`` of a seed, by schedule."""
+    seed, number = task
+    return {
+        name: Pair(*(_track(fly_schedule(name, seed, number, with_ground=ground)) for ground in (True, False)))
+        for name in SCHEDULES
+    }
+
+
+def _track(run_: GroundRun) -> Track:
+    error = np.array(run_.error)
+    sd = np.sqrt(np.array([np.diag(cov) for cov in run_.cov]))
+    return Track(np.array(run_.t), error / sd, np.hypot(*error.T))
