@@ -8,36 +8,47 @@ from enum import StrEnum
 
 import numpy as np
 
-from fti.arrays import Array
+from fti.arrays import Array, Ints, Mask
 from fti.nav.terrain_matching.likelihood import Likelihood, Minimum
-from fti.nav.terrain_matching.profile import Profile
+from fti.nav.terrain_matching.profile import MIN_SAMPLES, Profile
 from fti.nav.terrain_matching.search import Lattice, search_lattice
 from fti.nav.terrain_matching.window import TerrainWindow
 
-#: Parameters that a profile determines: two shifts and the common height error.
-PARAMETERS = 3
+#: Parameters without a prior: two shifts.  Height error and drift have priors, which count as observations.
+PARAMETERS = 2
 #: Minima of the lattice that are refined; a minimum this far above the smallest one (scaled chi-square) cannot win.
 MAX_CANDIDATES, MAX_EXCESS = 8, 60.0
 #: Steps of the refinement of a minimum, and the change [m] that ends it.
 MAX_ITERATIONS, RESOLUTION_M = 12, 0.01
-#: Refinements in which the residuals become linear at the drift of the one before.
+#: Refinements of a minimum in which the residuals become linear at the drift of the one before.
 DRIFT_ITERATIONS = 3
 #: The likelihood around a minimum is integrated up to so many sigma, with so many shifts for each axis.
 MOMENT_SIGMAS, MOMENT_STEPS = 4.0, 17
 #: Least variance of an axis, in units of that of a linear surface.
 MIN_VARIANCE = 0.25
+#: Probability of shifts whose chi-square is unknown, for a linear surface; above, the fix is at the edge.
+MAX_UNKNOWN = 1e-3
 #: Another minimum within this distance [sigma] belongs to the same fix.
 SAME_SIGMAS = 5.0
 
 
 class Refusal(StrEnum):
-    """Why a fix must not be used."""
+    """Why a fix must not be used.
+
+    UNKNOWN_GROUND : less than ``MIN_SAMPLES`` samples are over known ground for every shift of the lattice
+    FLAT       : the ground does not determine a position
+    AT_EDGE    : the shifts end within the uncertainty of the fix
+    RESIDUAL   : the profile does not fit the ground
+    AMBIGUOUS  : another shift is almost as probable
+    DISAGREES  : with the navigated position and its covariance
+    """
 
     UNKNOWN_GROUND = "unknown_ground"
     FLAT = "flat"
     AT_EDGE = "at_edge"
     RESIDUAL = "residual"
     AMBIGUOUS = "ambiguous"
+    DISAGREES = "disagrees"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +58,14 @@ class MatchLimits:
     max_sd_m  : one sigma of the fix along the weaker axis [m]; above: ``FLAT``
     ambiguity : probability of the next minimum over that of the best; above: ``AMBIGUOUS``
     residual_sigmas : of the residual's chi-square beyond its expectation; above: ``RESIDUAL``
+    distance_2 : square of the distance from the navigated position [sigma^2]; above: ``DISAGREES``.  99.9 % of two
+    dimensions
     """
 
     max_sd_m: float = 30.0
     ambiguity: float = 1e-3
     residual_sigmas: float = 4.0
+    distance_2: float = 13.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,33 +106,35 @@ def match(
     *,
     independent_share: float = 1.0,
     drift_sd: float = 0.0,
+    position_cov: Array | None = None,
 ) -> MatchFix:
-    """The fix of a profile.
+    """The fix of a profile, from the samples that are over known ground for every shift.
 
     independent_share : number of independent errors over the number of samples, in (0, 1]: errors of elevation are
     correlated over tens of metres, and such samples count less
     drift_sd : one sigma of the drift of the navigated position for each axis [m/s]; 0: it does not drift
+    position_cov : covariance of the navigated position, shape (2, 2) [m^2]; None: a fix at any distance is used
     """
     limits = limits or MatchLimits()
-    likelihood = Likelihood(window, profile, drift_sd)
-    minima = _minima(likelihood, window, profile, lattice, independent_share)
-    if not minima:
+    known = _is_over_known_ground(window, profile, lattice)
+    if np.count_nonzero(known) < MIN_SAMPLES:
         return _without_position(profile, Refusal.UNKNOWN_GROUND)
-    best = min(minima, key=lambda minimum: minimum.chi_square)
-    for _ in range(DRIFT_ITERATIONS if drift_sd > 0.0 else 0):
-        likelihood = Likelihood(window, profile, drift_sd, best.drift)
-        best = _refine(likelihood, best.shift, window.cell_m)
+    profile = profile.select(known)
+    solutions = _solutions(window, profile, lattice, independent_share, drift_sd)
+    likelihood, best = min(solutions, key=lambda solution: solution[1].chi_square)
     if best.step is None:
         return _without_position(profile, Refusal.FLAT)
     noise = _noise_ratio(best.chi_square, profile)
     scale = independent_share / noise**2
-    shift, cov = _moments(likelihood, best, scale)
-    ambiguity = max((_odds(best, other, cov, scale) for other in minima), default=0.0)
+    shift, cov, unknown = _moments(likelihood, best, scale)
+    ambiguity = max((_odds(best, other, cov, scale) for _, other in solutions), default=0.0)
     tests = {
         Refusal.FLAT: math.sqrt(np.linalg.eigvalsh(cov)[-1]) > limits.max_sd_m,
-        Refusal.AT_EDGE: _is_at_edge(best.shift, lattice, window.cell_m),
+        Refusal.AT_EDGE: unknown > MAX_UNKNOWN or _is_at_edge(best.shift, lattice, window.cell_m),
         Refusal.RESIDUAL: best.chi_square > _max_chi_square(len(profile), independent_share, limits.residual_sigmas),
         Refusal.AMBIGUOUS: ambiguity > limits.ambiguity,
+        Refusal.DISAGREES: position_cov is not None
+        and shift @ np.linalg.solve(position_cov + cov, shift) > limits.distance_2,
     }
     return MatchFix(
         t=profile.middle,
@@ -133,6 +149,25 @@ def match(
     )
 
 
+def _is_over_known_ground(window: TerrainWindow, profile: Profile, lattice: Lattice) -> Mask:
+    """Mask of the samples that no shift of the lattice places over unknown ground."""
+    count = np.pad(np.isnan(window.heights).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    if not count[-1, -1]:
+        return np.ones(len(profile), dtype=bool)
+    column, row = window.places(profile.east, profile.north)
+    rows, columns = window.heights.shape
+    west, east = _post_span(column, lattice, lattice.centre[0], columns)
+    south, north = _post_span(row, lattice, lattice.centre[1], rows)
+    return np.asarray(count[north, east] - count[south, east] - count[north, west] + count[south, west] == 0)
+
+
+def _post_span(place: Array, lattice: Lattice, centre: int, posts: int) -> Ints:
+    """First post, and the one after the last, that any shift of a lattice uses for samples at places."""
+    reach = lattice.steps * lattice.stride
+    first = np.floor(place).astype(np.int64) + centre - reach
+    return np.clip([first, first + 2 * reach + 2], 0, posts)
+
+
 def _noise_ratio(chi_square: float, profile: Profile) -> float:
     """RMS of the residuals over their stated sigma, at least 1."""
     return max(1.0, math.sqrt(chi_square / (len(profile) - PARAMETERS)))
@@ -143,27 +178,36 @@ def _without_position(profile: Profile, reason: Refusal) -> MatchFix:
     return MatchFix(profile.middle, shift, cov, math.nan, math.inf, np.zeros(2), 1.0, math.nan, frozenset({reason}))
 
 
-def _minima(
-    likelihood: Likelihood, window: TerrainWindow, profile: Profile, lattice: Lattice, independent_share: float
-) -> list[Minimum]:
-    """The smallest local minima within the lattice; none over unknown ground."""
+def _solutions(
+    window: TerrainWindow, profile: Profile, lattice: Lattice, independent_share: float, drift_sd: float
+) -> list[tuple[Likelihood, Minimum]]:
+    """The smallest local minima within the lattice, each with the likelihood that is linear at its drift."""
     chi_square = search_lattice(window, profile, lattice)
-    if np.isnan(chi_square).all():
-        return []
-    excess = MAX_EXCESS * _noise_ratio(float(np.nanmin(chi_square)), profile) ** 2 / independent_share
+    excess = MAX_EXCESS * _noise_ratio(float(chi_square.min()), profile) ** 2 / independent_share
     starts = [_finest(window, profile, lattice, at) for at in _candidates(chi_square, lattice, window.cell_m, excess)]
-    return [_refine(likelihood, start, window.cell_m) for start in starts]
+    return [_solve(window, profile, start, drift_sd) for start in starts]
+
+
+def _solve(window: TerrainWindow, profile: Profile, start: Array, drift_sd: float) -> tuple[Likelihood, Minimum]:
+    """The minimum near a shift; the last one within the window if the drift leads out of it."""
+    likelihood = Likelihood(window, profile, drift_sd)
+    at = _refine(likelihood, start, window.cell_m)
+    for _ in range(DRIFT_ITERATIONS if drift_sd > 0.0 else 0):
+        moved = Likelihood(window, profile, drift_sd, at.drift)
+        if np.isnan(moved.chi_square(at.shift[None])[0]):
+            break
+        likelihood, at = moved, _refine(moved, at.shift, window.cell_m)
+    return likelihood, at
 
 
 def _candidates(chi_square: Array, lattice: Lattice, cell_m: float, excess: float) -> Array:
     """Shifts of the smallest local minima of the lattice [m], shape (n, 2)."""
-    filled = np.where(np.isnan(chi_square), np.inf, chi_square)
-    around = np.pad(filled, 1, constant_values=np.inf)
-    rows, columns = filled.shape
+    around = np.pad(chi_square, 1, constant_values=np.inf)
+    rows, columns = chi_square.shape
     neighbours = [around[i : i + rows, j : j + columns] for i in range(3) for j in range(3) if (i, j) != (1, 1)]
-    is_minimum = (filled <= np.minimum.reduce(neighbours)) & (filled <= filled.min() + excess)
+    is_minimum = (chi_square <= np.minimum.reduce(neighbours)) & (chi_square <= chi_square.min() + excess)
     at_row, at_column = np.nonzero(is_minimum)
-    order = np.argsort(filled[at_row, at_column], kind="stable")[:MAX_CANDIDATES]
+    order = np.argsort(chi_square[at_row, at_column], kind="stable")[:MAX_CANDIDATES]
     east, north = lattice.shifts(cell_m)
     return np.column_stack((east[at_column[order]], north[at_row[order]]))
 
@@ -197,15 +241,15 @@ def _finest(window: TerrainWindow, profile: Profile, lattice: Lattice, start: Ar
     )
     around = Lattice(lattice.stride, 1, (east, north))
     chi_square = search_lattice(window, profile, around)
-    i, j = np.unravel_index(int(np.nanargmin(chi_square)), chi_square.shape)
+    i, j = np.unravel_index(int(chi_square.argmin()), chi_square.shape)
     shifts_east, shifts_north = around.shifts(window.cell_m)
     return np.array([shifts_east[j], shifts_north[i]])
 
 
-def _moments(likelihood: Likelihood, best: Minimum, scale: float) -> tuple[Array, Array]:
-    """Mean and covariance of the likelihood around a minimum [m, m^2].
+def _moments(likelihood: Likelihood, best: Minimum, scale: float) -> tuple[Array, Array, float]:
+    """Mean and covariance of the likelihood around a minimum [m, m^2], and the probability of unknown shifts.
 
-    In units of the covariance for a linear surface; the variance of an axis is at least ``MIN_VARIANCE`` of that.
+    The variance of an axis is at least ``MIN_VARIANCE`` of that for a linear surface.  The last is for such a surface.
     """
     root = np.linalg.cholesky(np.linalg.inv(scale * best.information))
     steps = np.linspace(-MOMENT_SIGMAS, MOMENT_SIGMAS, MOMENT_STEPS)
@@ -213,11 +257,13 @@ def _moments(likelihood: Likelihood, best: Minimum, scale: float) -> tuple[Array
     excess = likelihood.chi_square(best.shift + offsets @ root.T) - best.chi_square
     probability = np.where(np.isnan(excess), 0.0, np.exp(-0.5 * scale * np.maximum(excess, 0.0)))
     probability /= probability.sum()
+    linear = np.exp(-0.5 * (offsets**2).sum(axis=1))
+    unknown = float(linear[np.isnan(excess)].sum() / linear.sum())
     mean = probability @ offsets
     centred = offsets - mean
     variances, axes = np.linalg.eigh((probability[:, None] * centred).T @ centred)
     axes = root @ axes * np.sqrt(np.maximum(variances, MIN_VARIANCE))
-    return best.shift + root @ mean, axes @ axes.T
+    return best.shift + root @ mean, axes @ axes.T, unknown
 
 
 def _odds(best: Minimum, other: Minimum, cov: Array, scale: float) -> float:

@@ -108,6 +108,70 @@ def test_a_drift_that_is_allowed_enlarges_the_covariance_and_covers_the_error() 
     assert np.mean(without) > 1.5 * np.mean(with_drift)
 
 
+@pytest.mark.parametrize("seed", [14, 48])
+def test_a_minimum_that_wins_only_at_its_own_drift_is_the_fix(seed: int) -> None:
+    """With drifts of 3 m/s the smallest chi-square at no drift is 56 m and 158 m away."""
+    rng = np.random.default_rng(seed)
+    ground, error, drift = hills(seed=seed % 7), rng.uniform(-80.0, 80.0, 2), 3.0 * rng.standard_normal(2)
+    fix = fix_of(ground, drifting(ground, error, drift, rng.standard_normal(80)), drift_sd=3.0)
+    assert fix.is_usable and np.linalg.norm(fix.shift - error) < 1.0
+
+
+@pytest.mark.parametrize("drift_sd", [0.0, 0.5])
+def test_the_noise_ratio_counts_priors_as_observations(drift_sd: float) -> None:
+    """12 samples have 10 degrees of freedom: their chi-square, with errors of 3 sigma, is 90, within four sigma of it.
+
+    Errors of height and drift are of their stated sigma with or without an estimate of the drift.
+    """
+    flights, rng = 400, np.random.default_rng(16)
+    axis = CELL_M * np.arange(400)
+    ground = Terrain.from_array(60.0 * np.sin(axis / 150.0) + 60.0 * np.sin(axis[:, None] / 130.0), CELL_M)
+    still, ratios = fly(ground, samples=12), []
+    for _ in range(flights):
+        profile = drifting(ground, np.zeros(2), 3.0 * drift_sd * rng.standard_normal(2), 0.0)
+        up = profile.ground[::7] + 3.0 * rng.standard_normal(12) + rng.normal(0.0, 15.0)
+        few = Profile(profile.t[::7], profile.east[::7], profile.north[::7], up, still.sd, still.height_sd)
+        ratios.append(fix_of(ground, few, steps=8, drift_sd=drift_sd).noise_ratio ** 2)
+    assert np.mean(ratios) == pytest.approx(9.0, abs=4.0 * 9.0 * np.sqrt(2.0 / 10.0 / flights))
+
+
+def test_samples_near_holes_are_left_out() -> None:
+    """A lake of unknown height beside the track: the fix is that of the samples that no shift places over it."""
+    ground, error = hills(), (42.3, -61.7)
+    profile = fly(ground, error, noise=np.random.default_rng(7).standard_normal(80))
+    heights = ground.finest.heights.copy()
+    heights[200:215, 215:230] = np.nan  # 1000 to 1070 m north, 1075 to 1145 m east
+    holed = ground.with_finest(heights)
+    fix, reach = fix_of(holed, profile), (STEPS + 1) * CELL_M
+    near = (profile.east > 1075.0 - reach) & (profile.east < 1145.0 + reach)
+    near &= (profile.north > 1000.0 - reach) & (profile.north < 1070.0 + reach)
+    whole = fix_of(ground, profile.select(~near))
+    assert 20 < np.count_nonzero(near) < 60
+    assert fix.is_usable and fix.shift == pytest.approx(error, abs=2.0)
+    assert fix.t == whole.t and fix.shift == pytest.approx(whole.shift) and fix.cov == pytest.approx(whole.cov)
+    heights[150:280, 150:280] = np.nan
+    assert fix_of(ground.with_finest(heights), profile).refusals == {Refusal.UNKNOWN_GROUND}
+
+
+def test_a_fix_whose_uncertainty_reaches_beyond_the_window_is_at_its_edge() -> None:
+    """Hills of 3 m: one sigma is 16 m.  The fix is five cells from the edge, in the middle it is not refused."""
+    low = Terrain.from_array(0.03 * hills().finest.heights, CELL_M)
+    edge, middle = (
+        fix_of(low, fly(low, (error, 0.0)), limits=MatchLimits(max_sd_m=100.0, ambiguity=1.0)) for error in (130.0, 0.0)
+    )
+    assert edge.shift[0] < (STEPS - 4) * CELL_M and edge.refusals == {Refusal.AT_EDGE}
+    assert middle.is_usable
+
+
+def test_a_map_that_is_off_is_refused_by_a_good_position() -> None:
+    """100 m are five sigma of a position of 20 m, and two of one of 50 m."""
+    ground = hills()
+    profile = fly(ground, (80.0, 60.0))
+    covs = (sd**2 * np.eye(2) for sd in (20.0, 50.0))
+    refused, used = (fix_of(ground, profile, position_cov=cov) for cov in covs)
+    assert refused.refusals == {Refusal.DISAGREES} and used.is_usable
+
+
 def test_the_height_has_its_stated_sigma() -> None:
     """200 flights: mean of (error / sigma)^2 is 1 within four sigma; the error of the navigated height is 5 m."""
     ground, flights = hills(), 200
