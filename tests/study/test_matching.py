@@ -1,4 +1,4 @@
-"""The study of matching: its flights with few runs, and judges that can say no."""
+"""The study of matching: few flights, and judges that can say no; the whole with --scale full."""
 
 from __future__ import annotations
 
@@ -8,11 +8,19 @@ import numpy as np
 import pytest
 
 from fti.arrays import Array
+from fti.cli.main import main
 from fti.study import StudyResult, matching
 from fti.study.matching import judge
 from fti.study.matching.experiment import HOSTILE, Confirmed, Flight, GroundResult
 
-GOOD = GroundResult(error_m=1.0, error_over_bound=(1.0, 1.6, 9.0), nees=1.0, found_cell=True)
+GOOD = GroundResult(
+    error_m=1.0,
+    error_over_bound=(1.0, 1.6),
+    nees=1.0,
+    found_cell=True,
+    tracked=(4.0, 9.0, 9.0),
+    lost=(9.0, 16.0, 9.0),
+)
 
 
 def by_id(results: list[StudyResult]) -> dict[str, StudyResult]:
@@ -32,7 +40,7 @@ def test_few_flights_hold_what_does_not_need_many() -> None:
 def test_the_judges_of_the_flights_can_say_no() -> None:
     flights = [Flight(GOOD, GOOD, (2.0, 1.0), (1.0, 9.0), (1.0, 9.0), 1.0)] * 40
     assert all(result.holds for result in judge.judge_flights(flights))
-    worse = replace(GOOD, error_over_bound=(1.7, 1.6, 9.0), nees=1.7)
+    worse = replace(GOOD, error_over_bound=(1.7, 1.6), nees=1.7, tracked=(9.0, 9.0, 4.0))
     failed = {
         r.id
         for r in judge.judge_flights([Flight(worse, GOOD, (40.0, 1.0), (9.0, 1.0), (9.0, 1.0), 0.1)] * 40)
@@ -42,6 +50,7 @@ def test_the_judges_of_the_flights_can_say_no() -> None:
         "B.synthetic.limit",
         "B.synthetic.order",
         "N.synthetic",
+        "I.synthetic.order",
         "E.within",
         "C.order",
         "D.order",
@@ -76,3 +85,17 @@ def test_a_covariance_or_a_search_that_is_off_does_not_hold(monkeypatch: pytest.
     monkeypatch.setattr(judge, "matching_covariance", too_large)
     monkeypatch.setattr(judge, "five_point_search", lambda metric, size, resolution: (np.zeros(2), 20))
     assert [result.holds for result in judge.judge_closed_forms()] == [False] * 5
+
+
+def test_a_map_that_is_off_counts_only_where_it_can_be_detected() -> None:
+    run: dict[str, Confirmed | None] = dict.fromkeys(HOSTILE, Confirmed(100.0, 400.0))
+    failed = {result.id for result in judge.judge_hostile([run] * 4) if not result.holds}
+    assert "H.map_100_m_off" in failed and "H.wrong_start" in failed
+    assert not any("axes" in name for name in failed)
+
+
+@pytest.mark.timeout(3600)
+def test_the_whole_study_holds(scale: int, capsys: pytest.CaptureFixture[str]) -> None:
+    if scale == 1:  # the parts are judged above
+        return
+    assert main(["study", "matching"]) == 0, capsys.readouterr().out

@@ -9,16 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fti.arrays import Array, Mask, Rng
+from fti.arrays import Array, Ints, Rng
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.terrain_matching.acquisition import FIXES, Acquisition
 from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
-from fti.nav.terrain_matching.fix import MatchFix, match
+from fti.nav.terrain_matching.fix import match
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_matching.printed_metric import mean_absolute_residual
 from fti.nav.terrain_matching.profile import Profile
 from fti.nav.terrain_matching.search import Lattice, five_point_search
+from fti.nav.terrain_matching.selection import select_samples
 from fti.nav.terrain_matching.window import TerrainWindow, cut_window
 from fti.ranging.laser import Laser
 from fti.ranging.sensor import Poses
@@ -40,7 +41,9 @@ RUNS_PER_GROUND = 10
 DEM_ERROR = DemError(noise_sd=1.5)
 #: With it, neighbouring samples are not independent: 12 m between samples, correlation lengths of 30 m and 300 m.
 INDEPENDENT_SHARE = 0.1
-BEST_SHARE = 0.1
+#: Budget of a selection of samples, and one sigma of the position [m] while it is tracked.
+SELECTED, TRACKED_SD_M = 13, 5.0
+SELECTIONS = ("informative", "steepest", "evenly spaced")
 #: The banked flight: height above the highest ground [m], amplitude [rad] and period [s] of the roll.
 HEIGHT_AGL_M, MAX_ROLL, ROLL_PERIOD_S = 80.0, math.radians(10.0), 8.0
 WRONG_START_M = 2000.0
@@ -48,7 +51,6 @@ WRONG_START_M = 2000.0
 DRIFT_SD_MPS = 0.5
 #: The same that acquisition assumes [m/s].
 DRIFT_MPS = 0.1
-HOSTILE = ("good ground", "flat ground", "repeated ground", "stuck altimeter", "wrong start")
 
 
 @functools.lru_cache(maxsize=2)
@@ -109,16 +111,19 @@ def draw_track(ground: Terrain, rng: Rng, error: Array, drift: Array | None = No
 class GroundResult:
     """Errors over one ground [m, and over the bound or the covariance].
 
-    error_over_bound : of the likelihood, the printed metric and the best tenth of the samples: error^2 in units of the
-                       Cramer-Rao bound, halved
+    error_over_bound : of the likelihood and the printed metric: error^2 in units of the Cramer-Rao bound, halved
     nees             : error^2 over covariance, halved; None if refused
     found_cell       : the five-point search ends in the cell of the exhaustive minimum
+    tracked, lost    : as error_over_bound, of a tenth of the samples, for each of ``SELECTIONS``; the position is known
+                       to ``TRACKED_SD_M`` and to ``POSITION_SD_M``
     """
 
     error_m: float
-    error_over_bound: tuple[float, float, float]
+    error_over_bound: tuple[float, float]
     nees: float | None
     found_cell: bool
+    tracked: tuple[float, ...]
+    lost: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -165,9 +170,8 @@ def _match_exact(ground: Terrain, rng: Rng) -> GroundResult:
     fix = match(window, profile, lattice)
     likelihood = Likelihood(window, profile)
     information = likelihood.at(track.error).information
-    few = profile.select(steepest(ground, profile))
     printed = _exhaustive_minimum(lambda shifts: mean_absolute_residual(ground, profile, shifts), fix.shift)
-    errors = [shift - track.error for shift in (fix.shift, printed, match(window, few, lattice).shift)]
+    errors = [shift - track.error for shift in (fix.shift, printed)]
     five, _ = five_point_search(likelihood.chi_square, 2.0 * REACH_M, ground.finest.cell_m)
     off = errors[0]
     return GroundResult(
@@ -175,6 +179,8 @@ def _match_exact(ground: Terrain, rng: Rng) -> GroundResult:
         error_over_bound=tuple(float(0.5 * each @ information @ each) for each in errors),  # type: ignore[arg-type]
         nees=float(0.5 * off @ np.linalg.solve(fix.cov, off)) if fix.is_usable else None,
         found_cell=bool(np.abs(five - fix.shift).max() <= ground.finest.cell_m),
+        tracked=_match_selected(ground, rng, TRACKED_SD_M),
+        lost=_match_selected(ground, rng, POSITION_SD_M),
     )
 
 
@@ -187,10 +193,29 @@ def _exhaustive_minimum(metric: Callable[[Array], Array], near: Array) -> Array:
     return near
 
 
-def steepest(ground: Terrain, profile: Profile) -> Mask:
-    """Mask of the tenth of the samples over the steepest ground, as the source selects them (section 4.2)."""
-    slope = np.hypot(*ground.gradient(profile.east, profile.north))
-    return np.asarray(slope >= np.quantile(slope, 1.0 - BEST_SHARE))
+def select(kind: str, window: TerrainWindow, profile: Profile, position_sd: float) -> Ints:
+    """Indices of ``SELECTED`` samples.  kind : of ``SELECTIONS``; the source has the steepest (section 4.2)"""
+    if kind == "informative":
+        return select_samples(window, profile, SELECTED, position_sd)
+    if kind == "steepest":
+        north, east = np.gradient(window.heights, window.cell_m)
+        column, row = (np.rint(place).astype(np.int64) for place in window.places(profile.east, profile.north))
+        return np.sort(np.hypot(east, north)[row, column].argsort()[-SELECTED:])
+    return np.linspace(0, len(profile) - 1, SELECTED).round().astype(np.int64)
+
+
+def _match_selected(ground: Terrain, rng: Rng, position_sd: float) -> tuple[float, ...]:
+    """Errors^2 of fixes from few samples in units of the bound of all, halved, for each of ``SELECTIONS``."""
+    track = draw_track(ground, rng, position_sd * rng.standard_normal(2))
+    profile = track.profile(ground, rng)
+    lattice = Lattice(max(3, math.ceil(5.0 * position_sd / ground.finest.cell_m)))
+    window = window_around(ground, profile, lattice)
+    information = Likelihood(window, profile).at(track.error).information
+    errors = (
+        match(window, profile.select(select(kind, window, profile, position_sd)), lattice).shift - track.error
+        for kind in SELECTIONS
+    )
+    return tuple(float(0.5 * each @ information @ each) for each in errors)
 
 
 def _match_uncertain(ground: Terrain, rng: Rng) -> tuple[float, float] | None:
@@ -268,25 +293,67 @@ def _repeated_ground() -> Terrain:
     return Terrain.from_array(wave[:, None] + wave, CELL_M)
 
 
+@dataclass(frozen=True)
+class HostileCase:
+    """An acquisition that may mislead.
+
+    ground   : None: synthetic relief
+    error_m  : distance of the true from the navigated position at the start; None: drawn with ``POSITION_SD_M``
+    map_offset_m, position_sd_m : distance of the map from its place, and one sigma of the navigated position for each
+    axis, which refuses fixes; None: no map is off, no position refuses
+    """
+
+    ground: Callable[[], Terrain] | None = None
+    is_stuck: bool = False
+    error_m: float | None = None
+    map_offset_m: float = 0.0
+    position_sd_m: float | None = None
+
+
+GOOD = "good ground"
+#: A horizontal sigma of 20 m is 14 m for each axis.  20 m for each axis, or 50 m, do not refuse every map that is off.
+MAP_OFF, MAP_OFF_20, MAP_OFF_50 = "map 100 m off", "map 100 m off, axes of 20 m", "map 100 m off, axes of 50 m"
+HOSTILE = {
+    GOOD: HostileCase(),
+    "flat ground": HostileCase(ground=_flat_ground),
+    "repeated ground": HostileCase(ground=_repeated_ground),
+    "stuck altimeter": HostileCase(is_stuck=True),
+    "wrong start": HostileCase(error_m=WRONG_START_M),
+    MAP_OFF: HostileCase(map_offset_m=100.0, position_sd_m=20.0 / math.sqrt(2.0)),
+    MAP_OFF_20: HostileCase(map_offset_m=100.0, position_sd_m=20.0),
+    MAP_OFF_50: HostileCase(map_offset_m=100.0, position_sd_m=50.0),
+}
+
+
 def fly_hostile(seed: int) -> dict[str, Confirmed | None]:
     """Acquisition in each case of ``HOSTILE``; None where it is not confirmed."""
-    rng = np.random.default_rng([seed, 5])
     good = synthetic_ground(seed // RUNS_PER_GROUND)
-    grounds = {"flat ground": _flat_ground(), "repeated ground": _repeated_ground()}
-    return {case: _acquire(grounds.get(case, good), rng, case) for case in HOSTILE}
+    return {
+        name: _acquire(case.ground() if case.ground else good, case, np.random.default_rng([seed, 5, number]))
+        for number, (name, case) in enumerate(HOSTILE.items())
+    }
 
 
-def _acquire(ground: Terrain, rng: Rng, case: str) -> Confirmed | None:
-    error = POSITION_SD_M * rng.standard_normal(2)
-    if case == "wrong start":
-        heading = rng.uniform(0.0, math.tau)
-        error = WRONG_START_M * np.array([math.sin(heading), math.cos(heading)])
-    track, lattice, acquisition = draw_track(ground, rng, error), lattice_over(ground), Acquisition(DRIFT_MPS)
-    confirmed: MatchFix | None = None
-    for window in range(FIXES):
-        profile = track.profile(ground, rng, window, is_stuck=case == "stuck altimeter")
-        confirmed = acquisition.add(match(window_around(ground, profile, lattice), profile, lattice))
+def _acquire(ground: Terrain, case: HostileCase, rng: Rng) -> Confirmed | None:
+    """The last of three fixes that agree; None if they do not, or if one is refused."""
+    error = (case.position_sd_m or POSITION_SD_M) * rng.standard_normal(2)
+    if case.error_m is not None:
+        error = case.error_m * _direction(rng)
+    track = draw_track(ground, rng, error + case.map_offset_m * _direction(rng))
+    lattice, acquisition, confirmed = lattice_over(ground), Acquisition(DRIFT_MPS), None
+    position_cov = None if case.position_sd_m is None else case.position_sd_m**2 * np.eye(2)
+    for number in range(FIXES):
+        profile = track.profile(ground, rng, number, is_stuck=case.is_stuck)
+        fix = match(window_around(ground, profile, lattice), profile, lattice, position_cov=position_cov)
+        if not fix.is_usable:
+            return None
+        confirmed = acquisition.add(fix)
     if confirmed is None:
         return None
     off = confirmed.shift - error
     return Confirmed(float(np.hypot(*off)), float(off @ np.linalg.solve(confirmed.cov, off)))
+
+
+def _direction(rng: Rng) -> Array:
+    angle = rng.uniform(0.0, math.tau)
+    return np.array([math.sin(angle), math.cos(angle)])
