@@ -25,7 +25,7 @@ from fti.nav.filter.estimate import Estimate
 from fti.nav.source_interpolation import AttitudeState
 from fti.nav.terrain_matching.nearest_surface import BeamTrack, nearest_surface
 from fti.nav.terrain_matching.profile import MIN_SAMPLES, Profile
-from fti.nav.terrain_matching.reach import MARGIN_CELLS, search_area
+from fti.nav.terrain_matching.reach import corridor_m, search_area
 from fti.nav.terrain_matching.search import Lattice
 from fti.nav.terrain_matching.window import TerrainWindow
 from fti.nav.terrain_reference import Ground
@@ -122,8 +122,7 @@ class HeightProfile:
             margin_m=track.footprint_m(ranges),
             min_cell_m=max(track.cell_m(ranges), reach_m / MAX_CELLS),
         )
-        corridor_m = math.sqrt(2.0) * (reach_m + MARGIN_CELLS * window.cell_m)
-        return profile, nearest_surface(window, track, corridor_m), lattice
+        return profile, nearest_surface(window, track, corridor_m(window, lattice)), lattice
 
 
 def _jump_m(before: Estimate, after: Estimate) -> float:

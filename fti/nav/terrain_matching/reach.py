@@ -37,3 +37,8 @@ def search_area(
         resample_window(terrain, profile, around_m, cell_m) if is_coarse else cut_window(terrain, profile, around_m)
     )
     return window, lattice
+
+
+def corridor_m(window: TerrainWindow, lattice: Lattice) -> float:
+    """Largest distance from a sample of the posts that its shifts use [m]; a lattice may reach beyond ``reach_m``."""
+    return math.sqrt(2.0) * (lattice.steps * lattice.stride + MARGIN_CELLS) * window.cell_m
