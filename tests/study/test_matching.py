@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fti.arrays import Array
 from fti.cli.main import main
+from fti.plot_style import write_figure
 from fti.study import StudyResult, matching
 from fti.study.matching import judge
 from fti.study.matching.experiment import HOSTILE, Confirmed, Flight, GroundResult
@@ -92,6 +94,15 @@ def test_a_map_that_is_off_counts_only_where_it_can_be_detected() -> None:
     failed = {result.id for result in judge.judge_hostile([run] * 4) if not result.holds}
     assert "H.map_100_m_off" in failed and "H.wrong_start" in failed
     assert not any("axes" in name for name in failed)
+
+
+def test_pictures_are_drawn(tmp_path: Path) -> None:
+    """The study of section 4.2 to 4.5 has a picture of each; two that cost little are written."""
+    drawings = matching.drawings(41)
+    assert set(drawings) == {"stairs", "obstacles", "gradients", "selection", "matrix", "drift", "banked"}
+    for name in ("obstacles", "gradients"):
+        write_figure(drawings[name], tmp_path / f"{name}.png")
+        assert (tmp_path / f"{name}.png").stat().st_size > 20_000
 
 
 @pytest.mark.timeout(3600)

@@ -58,5 +58,10 @@ def drawings(seed: int) -> dict[str, DrawFigure]:
 
     return {
         "stairs": plots.stairs,
+        "obstacles": plots.obstacles,
+        "gradients": plots.gradients,
+        "selection": lambda: plots.selection(seed),
         "matrix": lambda: plots.matrix(seed),
+        "drift": lambda: plots.drift(seed),
+        "banked": lambda: plots.banked(seed),
     }

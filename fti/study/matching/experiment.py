@@ -234,8 +234,22 @@ def _match_uncertain(ground: Terrain, rng: Rng) -> tuple[float, float] | None:
     return float(np.hypot(*(fix.shift - track.error))), float(np.sqrt(np.linalg.eigvalsh(fix.cov)[-1]))
 
 
-def _match_banked(ground: Terrain, rng: Rng) -> tuple[float, float]:
-    """Errors of two fixes by a laser that rolls with the aircraft [m]: closed loop, and slant ranges as heights."""
+@dataclass(frozen=True, eq=False)
+class BankedFlight:
+    """A profile of slant ranges, and what it is compared with.
+
+    error : true minus navigated position [m];  plain, compensated : the ground, and as the laser sees it at each place
+    """
+
+    error: Array
+    profile: Profile
+    plain: TerrainWindow
+    compensated: TerrainWindow
+    lattice: Lattice
+
+
+def draw_banked(ground: Terrain, rng: Rng) -> BankedFlight:
+    """A flight with a laser that rolls with the aircraft."""
     track = draw_track(ground, rng, REACH_M / 10.0 * rng.uniform(-1.0, 1.0, 2))
     level = track.profile(ground, rng)
     roll = MAX_ROLL * np.sin(math.tau * level.t / ROLL_PERIOD_S)
@@ -249,11 +263,17 @@ def _match_banked(ground: Terrain, rng: Rng) -> tuple[float, float]:
     known = np.isfinite(ranges)
     poses, sd = Poses.stationary(navigated[known], mats[known]), np.full(np.count_nonzero(known), NOISE_M)
     measured = RangeTrack(level.t[known], poses, ranges[known], sd, HEIGHT_SD_M).profile
-    reach_m = 10.0 * ground.finest.cell_m
-    surface = apparent_surface(laser, ground, poses, ground.finest.cell_m, reach_m + ground.finest.cell_m)
-    closed = match(surface, measured, Lattice(10))
-    plain = match(cut_window(ground, measured, reach_m + ground.finest.cell_m), measured, Lattice(10))
-    return float(np.hypot(*(closed.shift - track.error))), float(np.hypot(*(plain.shift - track.error)))
+    lattice, cell_m = Lattice(10), ground.finest.cell_m
+    margin_m = (lattice.steps + 1) * cell_m
+    compensated = apparent_surface(laser, ground, poses, cell_m, margin_m)
+    return BankedFlight(track.error, measured, cut_window(ground, measured, margin_m), compensated, lattice)
+
+
+def _match_banked(ground: Terrain, rng: Rng) -> tuple[float, float]:
+    """Errors of two fixes by a laser that rolls [m]: compensated for every shift, and slant ranges as heights."""
+    flight = draw_banked(ground, rng)
+    closed, plain = (match(window, flight.profile, flight.lattice) for window in (flight.compensated, flight.plain))
+    return float(np.hypot(*(closed.shift - flight.error))), float(np.hypot(*(plain.shift - flight.error)))
 
 
 def _match_drifting(ground: Terrain, rng: Rng) -> tuple[tuple[float, float], float]:
