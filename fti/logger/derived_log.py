@@ -16,7 +16,7 @@ from fti.logger.log_layout import LogLayout, LogSettings
 from fti.logger.schemas import Schema
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import SplitLog
-from fti.messages.measurements import DmeRange, Measurement, Reading, SurfaceDeflection
+from fti.messages.measurements import BeamRange, DmeRange, Measurement, Reading, SurfaceDeflection
 from fti.messages.notes import NavigationNote
 from fti.messages.outputs import Event, NavSolution, Output
 from fti.messages.topics import (
@@ -48,7 +48,12 @@ def _make_stream_key(kind: Any) -> Callable[[Any], object]:
 
 
 #: The field that names the object measured, for classes with several objects per device.
-STREAM_FIELD: dict[type, str] = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
+STREAM_FIELD: dict[type, str] = {
+    SurfaceDeflection: "surface",
+    Reading: "name",
+    DmeRange: "station",
+    BeamRange: "beam",
+}
 STREAM_KEY = {kind: _make_stream_key(kind) for kind in typing.get_args(Measurement) if kind not in UNDECIMATED}
 
 

@@ -110,6 +110,22 @@ class Range(Message, kw_only=True):
     valid: bool = True
 
 
+class BeamRange(Message, kw_only=True):
+    """Slant range along one beam of a multi-beam altimeter [m]; None without a return.
+
+    beam          : name of the beam; all beams that are measured together have the same stamp
+    along, across : angles of the beam [rad] along the sensor (forward positive) and across it (right positive): it
+                    looks along (tan along, tan across, 1)
+    """
+
+    stamp: Stamp
+    beam: str
+    along: Radians
+    across: Radians
+    slant_range: Metres | None
+    valid: bool = True
+
+
 class RadioHeight(Message, kw_only=True):
     """Height above ground at the antenna [m], as a radar altimeter reports it (leading edge)."""
 
@@ -378,6 +394,7 @@ Measurement = (
     | Velocity
     | ImuSample
     | Range
+    | BeamRange
     | RadioHeight
     | StaticPressure
     | ImpactPressure

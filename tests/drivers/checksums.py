@@ -66,6 +66,11 @@ def _crc24q(data: bytes) -> int:
     return remainder
 
 
+def _crc32_at_end(frame: bytes) -> bool:
+    """The usual CRC-32, little-endian at the end; over all with it the register holds a constant (ISO 3309)."""
+    return zlib.crc32(frame) == 0x2144DF1C
+
+
 def _mavlink(frame: bytes) -> bool:
     """X.25 over all behind the start, then the extra byte of the message definition."""
     second = frame[0] == 0xFD
@@ -87,6 +92,7 @@ CHECKED: dict[str, Callable[[bytes], bool]] = {
     "imar_ixcom": _xmodem,
     "lightware_binary": _xmodem,
     "mavlink": _mavlink,
+    "multibeam_altimeter": _crc32_at_end,
     "nmea0183": _exclusive_or,
     "novatel_oem6": _novatel,
     "power_unit": _exclusive_or,

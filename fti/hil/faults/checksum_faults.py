@@ -53,7 +53,7 @@ def novatel_change(options: object) -> MessageChange:
 
 
 def trailing_crc_change(options: object) -> MessageChange:
-    """CRC-16 in the last two bytes: iXCOM, LWNX."""
+    """CRC in the last bytes: iXCOM, LWNX, multi-beam altimeter."""
     return lambda message: flip_byte(message, -1)
 
 

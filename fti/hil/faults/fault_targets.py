@@ -2,6 +2,7 @@
 
 driver                checksum                                identifier                      document
 --------------------  --------------------------------------  ------------------------------  -------------------------
+multibeam_altimeter   CRC-32, last four bytes                 byte 6                          its docstring
 nmea0183              hexadecimal digits after *              formatter                       NMEA 0183, 5.3
 ublox_ubx             CK_B of Fletcher's sums                 number in the class             UBX-13003221, 32.2, 32.4
 novatel_oem6          CRC-32, last four bytes; or digits      message number                  OM-20000129, 1.1, 1.7
@@ -39,6 +40,7 @@ CHECKSUMS: Mapping[str, Callable[[Any], MessageChange | None]] = {
     "imar_ixcom": checksum_faults.trailing_crc_change,
     "lightware_binary": checksum_faults.trailing_crc_change,
     "mavlink": checksum_faults.mavlink_change,
+    "multibeam_altimeter": checksum_faults.trailing_crc_change,
     "nmea0183": checksum_faults.nmea_change,
     "novatel_oem6": checksum_faults.novatel_change,
     "power_unit": checksum_faults.nmea_change,
@@ -53,13 +55,22 @@ LABELS: Mapping[str, Callable[[Any], MessageChange | None]] = {
     "lightware_ascii": identifier_faults.lightware_change,
     "lightware_binary": identifier_faults.lwnx_change,
     "mavlink": identifier_faults.mavlink_change,
+    "multibeam_altimeter": identifier_faults.multibeam_change,
     "nmea0183": identifier_faults.nmea_change,
     "novatel_oem6": identifier_faults.novatel_change,
     "power_unit": identifier_faults.power_unit_change,
     "ublox_ubx": identifier_faults.ublox_change,
 }
 #: Drivers that send the device's time; arinc429 in packets only.
-DRIVERS_WITH_TIME = ("arinc429", "imar_ixcom", "mavlink", "nmea0183", "novatel_oem6", "ublox_ubx")
+DRIVERS_WITH_TIME = (
+    "arinc429",
+    "imar_ixcom",
+    "mavlink",
+    "multibeam_altimeter",
+    "nmea0183",
+    "novatel_oem6",
+    "ublox_ubx",
+)
 
 
 def checksum_change(driver: str, options: StrictModel) -> MessageChange | None:

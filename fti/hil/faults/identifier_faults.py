@@ -13,7 +13,7 @@ from itertools import chain
 from typing import Literal
 
 from fti.canframe import STANDARD_MASK
-from fti.drivers import arinc429, canaerospace, dbc, deflection_pickups, lightware_ascii, mavlink
+from fti.drivers import arinc429, canaerospace, dbc, deflection_pickups, lightware_ascii, mavlink, multibeam_altimeter
 from fti.drivers.arinc429 import apmp, chapter10, word
 from fti.drivers.arinc429.stream import WORD_BYTES
 from fti.drivers.canaerospace.decoder import kind_of
@@ -32,10 +32,22 @@ MessageChange = Callable[[bytes], bytes]
 #: Not a formatter of NMEA 0183.
 FORMATTER = "XXX"
 IXCOM_NUMBER, LWNX_NUMBER, UBX_NUMBER, NOVATEL_NUMBER = 0xEE, 250, 0xEE, 0xFFFE
+MULTIBEAM_NUMBER = 0xEE
 #: DEBUG, a message of the common set that is not decoded.
 MAVLINK_NUMBER = 254
 #: Computer-generated data, format 1: not a packet of ARINC 429.
 CHAPTER10_TYPE, CHAPTER10_TYPE_AT = 0x01, 15
+
+
+def multibeam_change(options: object) -> MessageChange:
+    """Byte 6, the message number."""
+
+    def change(message: bytes) -> bytes:
+        header = multibeam_altimeter.read_header(message)._replace(message=MULTIBEAM_NUMBER)
+        body = message[multibeam_altimeter.HEADER.size : -multibeam_altimeter.CRC_SIZE]
+        return multibeam_altimeter.make_frame(header, body)
+
+    return change
 
 
 def nmea_change(options: object) -> MessageChange:

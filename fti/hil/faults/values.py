@@ -28,6 +28,7 @@ from fti.hil.tables.fault_types import (
 from fti.hil.tables.quantity_names import change_quantity, matches_quantity, parse
 from fti.messages.measurements import (
     Ack,
+    BeamRange,
     Calibration,
     DeviceStatus,
     DeviceTime,
@@ -124,7 +125,7 @@ def _change_number(
 
 def _apply_fog(measurement: Measurement, fog: Fog, t: float) -> Measurement:
     """A laser range in fog at t [s]; ranges within the visibility, and other measurements, are unchanged."""
-    if not isinstance(measurement, Range) or not (measurement.slant_range or math.inf) > fog.visibility_m:
+    if not isinstance(measurement, Range | BeamRange) or not (measurement.slant_range or math.inf) > fog.visibility_m:
         return measurement
     if fog.echo_m is None:
         return replace(measurement, slant_range=None, valid=False)

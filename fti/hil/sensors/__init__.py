@@ -22,6 +22,7 @@ from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.inertial_solution import InertialSettings
 from fti.hil.sensors.magnetometer import Magnetometer, MagnetometerSettings
+from fti.hil.sensors.multibeam import MultiBeamModel, MultiBeamSettings
 from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.sensors.power_unit import PowerPanel
 from fti.hil.sensors.sensor_settings import DeviceSettings, check_settings
@@ -40,6 +41,7 @@ MODELS: dict[str, SensorModelType] = {
     "lightware_ascii": LaserAltimeterModel,
     "lightware_binary": LaserAltimeterModel,
     "mavlink": AutopilotUnit,
+    "multibeam_altimeter": MultiBeamModel,
     "nmea0183": GnssReceiver,
     "novatel_oem6": SurveyReceiver,
     "power_unit": PowerPanel,
@@ -75,6 +77,7 @@ SETTINGS: dict[str, type[DeviceSettings]] = {
     "honeywell_hmr2300": MagnetometerSettings,
     "imar_ixcom": InertialSettings,
     "mavlink": UnitSettings,
+    "multibeam_altimeter": MultiBeamSettings,
 }
 
 

@@ -15,8 +15,8 @@ from msgspec import structs
 from fti.messages.measurements import Measurement
 from fti.messages.topics import MEASUREMENT_CLASSES
 
-#: Fields that name a Reading, a SurfaceDeflection or a DmeRange.
-NAME_FIELDS = ("name", "surface", "station")
+#: Fields that name a Reading, a SurfaceDeflection, a DmeRange or a BeamRange.
+NAME_FIELDS = ("name", "surface", "station", "beam")
 
 
 class MeasurementField(NamedTuple):

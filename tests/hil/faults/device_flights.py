@@ -67,6 +67,7 @@ DEVICES = {
     "lightware_ascii_polled": DeviceKind("lightware_ascii", "range.slant_range", {"query": "ldf"}, LASER),
     "lightware_binary": DeviceKind("lightware_binary", "range.slant_range", altimeter=LASER),
     "mavlink": DeviceKind("mavlink", "attitude.pitch"),
+    "multibeam_altimeter": DeviceKind("multibeam_altimeter", "beam_range.slant_range", name="beam_5"),
     "nmea0183": DeviceKind("nmea0183", "position.alt_msl"),
     "novatel_oem6": DeviceKind("novatel_oem6", "position.lat", {"unasked": True}),
     "power_unit": DeviceKind("power_unit", "reading.value", name="supply_voltage"),

@@ -29,6 +29,7 @@ UNKNOWN = {
     "imar_ixcom": {"0xEE"},
     "lightware_binary": {"250"},
     "mavlink": {"DEBUG"},
+    "multibeam_altimeter": {"238"},
     "nmea0183": {"XXX"},
     "novatel_oem6": {"message 65534"},
     "power_unit": {"(other)"},
