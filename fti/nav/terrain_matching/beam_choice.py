@@ -10,8 +10,8 @@ already contains all samples so far, the trace falls by
 
     |(P a)_1,2|^2 / (1 + a P a)
 
-so a beam over the same slope as all samples before is worth little: its slope cannot be told from the height error, or
-only repeats a direction that is already known.
+so a beam over the same slope as all samples before is worth little: its slope cannot be separated from the height
+error, or only repeats a direction that is already known.
 
 Beam switching has the fixed beams of the sensor as candidates, beam steering all angles in its reach
 (``steering_angles``).

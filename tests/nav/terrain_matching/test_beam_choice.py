@@ -72,7 +72,7 @@ def test_the_direction_that_is_not_known_yet_is_measured() -> None:
     """Three beams, over slopes to the east (the steepest), to the north and over level ground, many times."""
     rows = np.tile([[0.3, 0.0, 1.0], [0.0, 0.2, 1.0], [0.0, 0.0, 1.0]], (60, 1, 1))
     counts = np.bincount(choose_beams(rows, 30.0, 5.0), minlength=3)
-    assert counts.min() >= 10  # a slope alone cannot be told from a height error
+    assert counts.min() >= 10  # a slope alone cannot be separated from a height error
 
 
 def test_times_without_a_forecast_choose_no_beam() -> None:
