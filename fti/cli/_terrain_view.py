@@ -53,6 +53,8 @@ def _file(number: int, file: FileSurvey) -> Iterator[str]:
     yield f"  covers       {bounds_text(source)}{'' if file.used else '; in no layer'}"
     if source.date:
         yield f"  date         {source.date}"
+    if source.sd_m is not None:
+        yield f"  sigma        {source.sd_m:.1f} m, from the accuracy that the file states"
 
 
 _PIXELS = {"area": "an area around its post", "point": "a post"}

@@ -413,7 +413,8 @@ class TerrainFiles(StrictModel):
         ),
     ] = None
     sd_m: Annotated[
-        Positive, key("1-sigma of the heights of the files; the error of resampling is measured and added", "m")
+        Positive,
+        key("1-sigma of heights of files that do not state it (DTED does); the error of resampling is added", "m"),
     ] = 1.5
 
 

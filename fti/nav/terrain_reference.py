@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.terrain.file_info import NO_SOURCE
+
 if TYPE_CHECKING:
     from fti.terrain.terrain import Terrain
 
@@ -27,7 +29,7 @@ class Ground:
     """Known elevation.
 
     terrain : the surface; name : its data source; files : paths of the source files
-    sd      : one sigma of the heights of the source [m]; of the surface, with its resampling: ``sd_at``
+    sd      : one sigma of the heights of files that do not state it [m]; of the surface, with its resampling: ``sd_at``
     """
 
     terrain: Terrain
@@ -38,12 +40,25 @@ class Ground:
     def sd_at(self, east: float, north: float) -> float:
         """One sigma of the surface [m] at a position in the terrain's frame [m]: sqrt(sd^2 + RMS of the resampling^2).
 
-        The RMS is that of the layer at the position.  Outside all layers, and for layers without a file: sd.
+        The sigma is that of the file of the nearest post, if the file states it; the RMS that of the layer at the
+        position.  Outside all layers, and for layers without a file: sd.
         """
+        sd = self._source_sd(east, north)
         for layer, resampling in zip(self.terrain.layers, self.terrain.resampling, strict=False):
             if layer.east0 <= east <= layer.east1 and layer.north0 <= north <= layer.north1:
-                return math.hypot(self.sd, resampling.rms_m)
-        return self.sd
+                return math.hypot(sd, resampling.rms_m)
+        return sd
+
+    def _source_sd(self, east: float, north: float) -> float:
+        sds = self._sds_of_files
+        number = int(self.terrain.source(east, north)) if sds else NO_SOURCE
+        return self.sd if number == NO_SOURCE else sds[number]
+
+    @functools.cached_property
+    def _sds_of_files(self) -> tuple[float, ...]:
+        """One sigma of each source; none if no source states it."""
+        stated = [source.sd_m for source in self.terrain.sources]
+        return tuple(self.sd if sd is None else sd for sd in stated) if any(stated) else ()
 
     @functools.cached_property
     def digest(self) -> str:

@@ -20,6 +20,7 @@ class ElevationFileInfo:
     vertical       : egm96, egm2008 or ellipsoid; vertical_by : the origin of this
     unit_m         : metres in one unit of its heights
     date           : as in the file; None if missing
+    sd_m           : 1-sigma of its heights, as the file states it [m]; None: it does not
     accuracy_m     : of the step from its coordinates to WGS84, as PROJ states it [m]; None when unknown
     south, west, north, east : the box around its pixels [rad]; west is above east across the antimeridian
     """
@@ -35,6 +36,7 @@ class ElevationFileInfo:
     vertical_by: str
     unit_m: float
     date: str | None
+    sd_m: float | None
     accuracy_m: float | None
     south: float
     west: float

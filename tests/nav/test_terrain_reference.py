@@ -1,6 +1,7 @@
 """Accuracy of the reference terrain of navigation."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from fti.nav.altimetry.nadir_height import altitude_over_terrain
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import AttitudeState, PositionState
 from fti.nav.terrain_reference import Ground
+from fti.terrain.file_info import ElevationFileInfo
 from fti.terrain.layer import Layer
 from fti.terrain.resampling import ResamplingError
 from fti.terrain.terrain import Terrain
@@ -45,6 +47,20 @@ def test_the_error_of_resampling_adds_to_the_sigma_where_its_layer_counts(
     ground: Ground, east_m: float, resampling_m: float
 ) -> None:
     assert ground.sd_at(east_m, 10.0) == pytest.approx(math.sqrt(SD_M**2 + resampling_m**2))
+
+
+def test_a_file_that_states_its_accuracy_has_its_own_sigma() -> None:
+    """Posts of two files: the western half of the second one, which states 6 m."""
+    file = ElevationFileInfo(
+        path="a", format="", rows=2, columns=2, crs="", spacing_m=(1.0, 1.0), pixel="point", vertical="egm96",
+        vertical_by="", unit_m=1.0, date=None, sd_m=None, accuracy_m=None, south=0.0, west=0.0, north=0.0, east=0.0,
+    )  # fmt: skip
+    origin = np.zeros((21, 21), dtype=np.uint8)
+    origin[:, :10] = 1
+    layer = Layer(np.zeros((21, 21)), 100.0, -1000.0, -1000.0, origin)
+    frame = Terrain.from_array(np.zeros((2, 2)), 1.0).frame
+    ground = Ground(Terrain((layer,), frame, (file, replace(file, path="b", sd_m=6.0))), SD_M, "two files")
+    assert [ground.sd_at(east, 0.0) for east in (-500.0, 500.0, 5000.0)] == [6.0, SD_M, SD_M]
 
 
 @pytest.mark.parametrize(("east_m", "resampling_m"), [(50.0, FINE_M), (5000.0, COARSE_M)])

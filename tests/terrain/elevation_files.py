@@ -78,12 +78,12 @@ def write_hgt(folder: Path, ground: Ground, south: int = 47, west: int = 11) -> 
     return write_tif(path, heights, "EPSG:4326", corner, driver="SRTMHGT")
 
 
-def write_dted(folder: Path, ground: Ground, south: int = 47, west: int = 11) -> str:
+def write_dted(folder: Path, ground: Ground, south: int = 47, west: int = 11, **more: Any) -> str:
     """One DTED cell of level 0: 30 arc seconds."""
     lat, lon = south + 1 - np.arange(121.0) / 120, west + np.arange(121.0) / 120
     heights = np.rint(ground(lat[:, None], lon[None, :])).astype(np.int16)
     corner = from_origin(west - 0.5 / 120, south + 1 + 0.5 / 120, 1 / 120, 1 / 120)
-    return write_tif(folder / f"n{south:02d}.dt0", heights, "EPSG:4326", corner, driver="DTED", nodata=-32767)
+    return write_tif(folder / f"n{south:02d}.dt0", heights, "EPSG:4326", corner, driver="DTED", nodata=-32767, **more)
 
 
 def back_to_earth(terrain: Terrain, east: Array, north: Array, up: Array) -> tuple[Array, Array, Array]:

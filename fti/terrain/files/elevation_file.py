@@ -38,6 +38,8 @@ MIN_HEIGHT_M, MAX_HEIGHT_M = -500.0, 9000.0
 #: A void, whether declared in the file or not.
 VOID = -32768.0
 WGS84 = "EPSG:4326"
+#: Sigmas of a normal error that it exceeds with a probability of 10 %.
+SIGMAS_OF_90 = 1.6449
 #: Maximum posts of a row, which is read as a whole: once around the Earth every 10 m.
 MAX_COLUMNS = 2**22
 #: Exceptions of GDAL, rasterio and PROJ for a damaged file.
@@ -101,6 +103,7 @@ class ElevationFile:
             vertical_by=by,
             unit_m=self._unit_m,
             date=_date(tags),
+            sd_m=_height_sd(tags),
             accuracy_m=accuracy if accuracy >= 0.0 else None,
             south=float(lat.min()),
             west=west,
@@ -268,6 +271,12 @@ def _make_transformer(path: str, crs: pyproj.CRS, outline: tuple[Array, Array] |
     if not group.transformers:
         raise ConfigError(f"{path}: PROJ has no transformation from WGS84 to {crs.name!r} in the area of the file")
     return group.transformers[0]
+
+
+def _height_sd(tags: Mapping[str, str]) -> float | None:
+    """1-sigma [m] from the vertical accuracy of a DTED file, in whole metres with a probability of 90 %."""
+    value = tags.get("DTED_VerticalAccuracy_ACC", "").strip()
+    return float(value) / SIGMAS_OF_90 if value.isdigit() and value.strip("0") else None
 
 
 def _date(tags: Mapping[str, str]) -> str | None:

@@ -240,3 +240,11 @@ def test_two_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
             source_of(path, "ellipsoid")
         assert source_of(path, {path: "ellipsoid"}).vertical == "ellipsoid"
         assert source_of(path, "egm96").vertical_by == by
+
+
+def test_a_file_that_states_its_accuracy_has_its_own_sigma(tmp_path: Path) -> None:
+    """DTED: 10 m with 90 % are 6.08 m.  A file without has none."""
+    with_accuracy = write_dted(tmp_path, lambda lat, lon: 100.0 * lat + lon, tags={"DTED_VerticalAccuracy_ACC": "0010"})
+    without = write_dted(tmp_path, lambda lat, lon: 100.0 * lat + lon, south=48)
+    sds = [ElevationFile(path, {}).source.sd_m for path in (with_accuracy, without)]
+    assert sds == [pytest.approx(6.08, abs=0.01), None]
