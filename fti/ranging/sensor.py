@@ -138,3 +138,8 @@ class RangingSensor(ABC):
     @abstractmethod
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """The measurement at each pose; reproducible with the same generator, without noise for None."""
+
+    def predict_ranges(self, terrain: Terrain, poses: Poses) -> Array:
+        """The slant range without noise at each pose [m], in the shape of ``measure``; NaN without one."""
+        returns = self.measure(terrain, poses)
+        return np.where(returns.valid, returns.slant_range, np.nan)

@@ -124,9 +124,15 @@ _array: Any = numba.carray  # type: ignore[attr-defined]
 
 
 @kernel
+def doubles_at(address: int) -> Array:
+    """The array of doubles at an address; its length is a dummy."""
+    return _array(_pointer(address), (1,), np.float64)  # type: ignore[no-any-return]
+
+
+@kernel
 def heights_at(q: PyramidAddresses) -> Array:
     """``Pyramid.heights``; the length of this array and the next one is a dummy."""
-    return _array(_pointer(q.heights), (1,), np.float64)  # type: ignore[no-any-return]
+    return doubles_at(q.heights)
 
 
 @kernel

@@ -15,7 +15,6 @@ Source: Spiegel 2018, section 4.5; docs/errata.md for eq. 4.29.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +25,9 @@ from fti.nav.terrain_matching.profile import Profile
 from fti.nav.terrain_matching.window import TerrainWindow
 from fti.ranging.sensor import Poses, RangingSensor
 from fti.terrain.terrain import Terrain
+
+#: Of the distance of nodes from samples [m].
+ROUNDING_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +64,11 @@ def apparent_surface(
     last = np.ceil((places.max(axis=0) + margin_m) / node_m) + 1.0
     east, north = (node_m * np.arange(low, high + 1.0) for low, high in zip(first, last, strict=True))
     nodes = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
-    # a shift of margin_m both ways reaches sqrt(2) times as far, and a look-up uses the next node
-    distance, nearest = cKDTree(places).query(nodes, distance_upper_bound=math.sqrt(2.0) * (margin_m + node_m))
-    inside = np.isfinite(distance)
-    sample = nearest[inside]
-    origins = np.column_stack((nodes[inside], poses.origins_l[sample, 2]))
-    returns = sensor.measure(terrain, Poses(origins, poses.mats_ls[sample], poses.vels_l[sample]))
-    heights = np.full(len(nodes), np.nan)
-    heights[inside] = np.where(returns.valid, origins[:, 2] - returns.slant_range, np.nan)
+    tree, heights = cKDTree(places), np.full(len(nodes), np.nan)
+    # a look-up uses the nodes around a shifted sample, also those whose weight is 0
+    reached = np.isfinite(tree.query(nodes, p=np.inf, distance_upper_bound=margin_m + node_m + ROUNDING_M)[0])
+    sample = tree.query(nodes[reached])[1]
+    origins = np.column_stack((nodes[reached], poses.origins_l[sample, 2]))
+    ranges = sensor.predict_ranges(terrain, Poses(origins, poses.mats_ls[sample], poses.vels_l[sample]))
+    heights[reached] = origins[:, 2] - ranges
     return TerrainWindow(heights.reshape(len(north), len(east)), node_m, float(east[0]), float(north[0]))

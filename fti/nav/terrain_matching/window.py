@@ -30,6 +30,20 @@ class TerrainWindow:
         """Columns and rows of positions [m], with fractions."""
         return (east - self.east0) / self.cell_m, (north - self.north0) / self.cell_m
 
+    def refine(self, parts: int) -> TerrainWindow:
+        """The same bilinear surface with each cell divided into so many parts, both ways: for a finer lattice."""
+        heights = _divide(_divide(self.heights, parts).T, parts).T
+        return TerrainWindow(np.ascontiguousarray(heights), self.cell_m / parts, self.east0, self.north0)
+
+
+def _divide(heights: Array, parts: int) -> Array:
+    """Rows with as many parts between two of them."""
+    rows = np.empty((parts * (len(heights) - 1) + 1, heights.shape[1]))
+    rows[::parts] = heights  # not interpolated: the next row may be unknown
+    for part in range(1, parts):
+        rows[part::parts] = heights[:-1] + part / parts * (heights[1:] - heights[:-1])
+    return rows
+
 
 def cut_window(terrain: Terrain, profile: Profile, margin_m: float) -> TerrainWindow:
     """The posts around a profile.

@@ -32,12 +32,13 @@ from fti.arrays import Array, Codes
 from fti.constants import FOOT
 from fti.kernel import flatten, kernel
 from fti.ranging.error_model import RangeError
-from fti.ranging.radar.antenna import WIDE, Antenna
+from fti.ranging.radar.antenna import WIDE, Antenna, from_db
 from fti.ranging.radar.baseband import KERNEL_BINS, Baseband, hann_power, thermal_noise
-from fti.ranging.radar.beam import Backscatter, Beam, BeamEchoes, make_beam, range_bins, trace_beam
+from fti.ranging.radar.beam import KERNEL, Backscatter, Beam, BeamEchoes, make_beam, range_bins, trace_beam
 from fti.ranging.radar.dome import half_dome
 from fti.ranging.radar.doppler import range_error
 from fti.ranging.radar.edge import LeadingEdge, find_edge
+from fti.ranging.radar.edge_range import RadarModel, edge_ranges, ground_bounds
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
@@ -147,6 +148,42 @@ class RadarAltimeter(RangingSensor):
         ranges, spread = np.where(valid, ranges, np.nan), np.where(valid, beams.dispersion, np.nan)
         directions = np.where(valid[:, None], self.beam.rays_s[beams.ray], np.nan)
         return Returns(ranges, directions, spread, beams.power, validity)
+
+    def predict_ranges(self, terrain: Terrain, poses: Poses) -> Array:
+        """The ranges of ``measure`` (n,) [m], to rounding and faster; NaN without one.  See ``edge_range``."""
+        if self.coherent:
+            return super().predict_ranges(terrain, poses)
+        known = np.isfinite(poses.origins_l).all(axis=1) & np.isfinite(poses.mats_ls).all(axis=(1, 2))
+        known &= np.isfinite(poses.vels_l).all(axis=1)
+        found = np.full(len(poses), np.nan)
+        if known.any():
+            origins = poses.origins_l[known]
+            (west, south), (east, north) = origins[:, :2].min(axis=0), origins[:, :2].max(axis=0)
+            rim, pyramid = self.reach, terrain.pyramid
+            bounds = ground_bounds(pyramid, west - rim, east + rim, south - rim, north + rim)
+            edges = edge_ranges(pyramid, bounds, origins, poses.mats_ls[known], poses.vels_l[known], self._model)
+            found[known] = self.indicated_range(edges)
+        found[(found < self.min_range) | (found > self.max_range)] = np.nan
+        return found
+
+    @functools.cached_property
+    def _model(self) -> RadarModel:
+        return RadarModel(
+            rays=self.beam.rays_s,
+            gains=self.beam.weights * float(from_db(self.ground.nadir_db)),
+            weights=self.beam.weights,
+            exponent=self.ground.exponent - 1.0,
+            doppler_s=float(range_error(1.0, self.waveform)),
+            threshold=self.edge.threshold,
+            margin=self.edge.margin,
+            noise=self.noise,
+            unknown_share=_UNKNOWN_SHARE,
+            bin_m=self.waveform.range_bin,
+            n_bin=self.baseband.n_bin,
+            reach=self.reach,
+            table=KERNEL,
+            caps=KERNEL.max(axis=0),
+        )
 
     def indicated_range(self, slant_range: ArrayLike, rng: np.random.Generator | None = None) -> Array:
         """The reported ranges for ranges of an edge [m]."""

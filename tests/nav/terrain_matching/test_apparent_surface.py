@@ -13,8 +13,10 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
 from fti.nav.terrain_matching.fix import match
 from fti.nav.terrain_matching.search import Lattice
+from fti.nav.terrain_matching.window import TerrainWindow
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
+from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.sensor import Poses, RangingSensor
 from fti.terrain.terrain import Terrain
 from tests.nav.terrain_matching.grounds import CELL_M, hills
@@ -56,6 +58,44 @@ def test_nodes_that_no_shift_reaches_are_unknown() -> None:
     apart = np.linalg.norm(nodes[:, None] - where.origins_l[:, :2], axis=-1).min(axis=1)
     assert apart.max() <= math.sqrt(2.0) * (margin + CELL_M)
     assert len(nodes) < 0.4 * window.heights.size
+    for corner in ((-margin, -margin), (-margin, margin), (margin, -margin), (margin, margin)):
+        column, row = (np.floor(place).astype(int) for place in window.places(*(where.origins_l[:, :2] + corner).T))
+        assert all(np.isfinite(window.heights[row + i, column + j]).all() for i in (0, 1) for j in (0, 1))
+
+
+def test_a_radar_sees_from_each_node_what_it_measures_there() -> None:
+    """With the attitude and the velocity of the nearest sample."""
+    radar, ground = RadarAltimeter(order=12), hills()
+    roll = math.radians(30.0) * np.sin(np.arange(SAMPLES) / 12.0)
+    where = Poses(poses(roll).origins_l, poses(roll).mats_ls, np.full((SAMPLES, 3), 40.0))
+    window = apparent_surface(radar, ground, where, CELL_M, 20.0)
+    row, column = (some[::17] for some in np.nonzero(np.isfinite(window.heights)))
+    nodes = np.column_stack((window.east0 + CELL_M * column, window.north0 + CELL_M * row, np.full(len(row), UP_M)))
+    nearest = np.linalg.norm(nodes[:, None] - where.origins_l, axis=-1).argmin(axis=1)
+    measured = radar.measure(ground, Poses(nodes, where.mats_ls[nearest], where.vels_l[nearest])).slant_range
+    np.testing.assert_allclose(window.heights[row, column], UP_M - measured, atol=1e-9)
+
+
+def test_a_refined_window_is_the_same_surface() -> None:
+    """Also beside unknown posts, where the cell is known."""
+    rng = np.random.default_rng(1)
+    heights = rng.standard_normal((7, 9))
+    heights[3:, 5] = np.nan
+    coarse = TerrainWindow(heights, 6.0, -10.0, 20.0)
+    fine = coarse.refine(6)
+    assert (fine.cell_m, fine.east0, fine.north0, fine.heights.shape) == (1.0, -10.0, 20.0, (37, 49))
+    east, north = rng.uniform(-10.0, 37.9, 2000), rng.uniform(20.0, 55.9, 2000)
+
+    def look_up(window: TerrainWindow) -> Array:
+        column, row = window.places(east, north)
+        i, j = np.asarray(row, np.intp), np.asarray(column, np.intp)
+        u, v, z = column - j, row - i, window.heights
+        return (
+            z[i, j] * (1 - u) * (1 - v) + z[i, j + 1] * u * (1 - v) + (z[i + 1, j] * (1 - u) + z[i + 1, j + 1] * u) * v
+        )
+
+    assert 200 < np.count_nonzero(np.isnan(look_up(coarse))) < 1000
+    np.testing.assert_allclose(look_up(fine), look_up(coarse), atol=1e-12)
 
 
 @pytest.mark.parametrize("sensor", [Laser(), NearestReturn(math.radians(20.0))], ids=["laser", "nearest return"])
