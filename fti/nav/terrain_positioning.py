@@ -5,10 +5,11 @@ end the fix, with the covariance of its likelihood, corrects that mark.  Profile
 the altitude of the filter is not part of one: each sample is used once.
 
 A search begins without a certain position: it reaches five sigma, at most ``MAX_REACH_M``, and three fixes in
-succession must agree before one aids.  Then each fix aids, and a search reaches four sigma.  Fixes that fit nowhere,
-lie at the edge, or are refused by the filter ``LOST_COUNT`` times in succession begin the search again.
+succession must agree before one aids.  With satellites, and after such a search, the position is certain: each fix aids
+that agrees with it, and the search reaches four sigma.  Fixes that fit nowhere, lie at the edge, or disagree
+``LOST_COUNT`` times in succession begin the search again.
 
-A fix that the filter refuses twice in succession contradicts it: the map or the position is wrong, and it is not known
+Two fixes in succession that disagree contradict the filter: the map or the position is wrong, and it is not known
 which.  Without satellites a displaced map is not detected (MAP_UNVERIFIED); ``map_sd_m`` is in the filter's levels.
 Configured by ``[nav.terrain_position]``.
 """
@@ -20,6 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 from msgspec.structs import replace
 
 from fti.config import Device, TerrainPositionTable
@@ -40,16 +42,18 @@ if TYPE_CHECKING:
     from fti.nav.inertial_aiding import AidedNavigation
     from fti.nav.navigation import NavState
 
-#: Sigmas of the position that a search reaches, with and without a certain position; its limits [m].
+#: Sigmas of the position that a search reaches, without and with a certain position; its limits [m].
 SEARCH_SIGMAS, TRACK_SIGMAS = 5.0, 4.0
+#: With satellites a position with a smaller sigma is certain [m].
+CERTAIN_SD_M = 20.0
 MIN_REACH_M, MAX_REACH_M = 150.0, 5000.0
 LOST_COUNT, CONTRADICTION_COUNT = 3, 2
 #: Heights may arrive so late after the end of a profile [ns].
 LATE_NS = 200_000_000
 #: Repetition of the last fix, and its greatest age in profiles.
 REPEAT_NS, MAX_AGE_PROFILES = 500_000_000, 3
-#: Errors of elevation are correlated over some 60 m to either side: closer samples count less.
-CORRELATED_M = 120.0
+#: Errors of elevation of 30 m and 300 m length: samples that are closer count less.  Measured: error over sigma 0.9.
+CORRELATED_M = 70.0
 #: Least sigma of a velocity of the filter for the drift within a profile [m/s].
 MIN_DRIFT_MPS = 0.05
 REASON_OF = {
@@ -146,50 +150,65 @@ class TerrainPosition:
         if mark is None or begin_ns is None:
             self._drop()
             return
+        is_search = self._is_search and not self._is_certain(mark.estimate)
         fix = TerrainFix(
             t_ns=t_ns, t_valid_ns=mark.estimate.t_ns, valid=False, reasons=(Reason.TOO_FEW_HEIGHTS,),
-            is_search=self._is_search, map_sd=self._settings.map_sd_m, reach=self._reach(mark.estimate),
+            is_search=is_search, map_sd=self._settings.map_sd_m, reach=self._reach(mark.estimate, is_search),
             samples=len(heights), length=heights.length_m,
         )  # fmt: skip
         is_complete = heights.is_complete(self._span_ns)
         self._fix = self._use(self._match(heights, fix, mark), fix, mark, ground) if is_complete else fix
         self._drop()
 
-    def _reach(self, estimate: Estimate) -> float:
+    def _is_certain(self, estimate: Estimate) -> bool:
+        """Whether satellites determine a position well enough to need no search."""
+        return self._aided.has_satellites(estimate.t_ns) and largest_sd(estimate.cov_n[:2, :2]) <= CERTAIN_SD_M
+
+    def _reach(self, estimate: Estimate, is_search: bool) -> float:
         """How far to search from a position [m]."""
         level_sd = math.hypot(largest_sd(estimate.cov_n[:2, :2]), self._settings.map_sd_m)
-        sigmas = SEARCH_SIGMAS if self._is_search else TRACK_SIGMAS
-        return min(max(sigmas * level_sd, MIN_REACH_M), MAX_REACH_M)
+        return min(max((SEARCH_SIGMAS if is_search else TRACK_SIGMAS) * level_sd, MIN_REACH_M), MAX_REACH_M)
 
     def _match(self, heights: HeightProfile, fix: TerrainFix, mark: _Mark) -> MatchFix:
-        """The fix of a profile, with the position's drift as its prior."""
+        """The fix of a profile, with the position's drift, and unless it searches its covariance, as priors."""
         profile, window, lattice = heights.search_area(float(mark.estimate.sd_n[2]), fix.reach or MIN_REACH_M)
-        share = min(max(fix.length or 0.0, 1.0) / fix.samples / CORRELATED_M, 1.0)
-        drift_sd = _drift_sd(mark.estimate)
-        return match(window, profile, lattice, self._limits, independent_share=share, drift_sd=drift_sd)
+        level_cov = mark.estimate.cov_n[1::-1, 1::-1] + self._settings.map_sd_m**2 * np.eye(2)  # east, north
+        return match(
+            window,
+            profile,
+            lattice,
+            self._limits,
+            independent_share=min(max(fix.length or 0.0, 1.0) / fix.samples / CORRELATED_M, 1.0),
+            drift_sd=_drift_sd(mark.estimate),
+            position_cov=None if fix.is_search else level_cov,
+        )
 
     def _use(self, found: MatchFix, fix: TerrainFix, mark: _Mark, ground: Ground) -> TerrainFix:
         """The output of a fix, which aids if nothing refuses it."""
         self._acquisition.drift_mps = _drift_sd(mark.estimate)
         confirmed = self._acquisition.add(found)
-        reasons = tuple(REASON_OF[refusal] for refusal in sorted(found.refusals))
-        if not reasons and self._is_search and confirmed is None:
+        # a fix that disagrees is for the gate of the filter, and for its copy without satellites
+        reasons = tuple(REASON_OF[refusal] for refusal in sorted(found.refusals - {Refusal.DISAGREES}))
+        if not reasons and fix.is_search and confirmed is None:
             reasons = (Reason.NOT_CONFIRMED,)
         fix = _complete(replace(fix, valid=not reasons, reasons=reasons), found, mark, ground)
         if reasons:
-            self._count_loss(fix)
+            self._refuse(fix)
             return fix
-        if self._is_search:
-            self._is_search = False
+        if fix.is_search:
             self._report(fix.t_ns, "info", f"three profiles agree to {_larger_sd(fix):.0f} m; it aids the filter")
         self._aided.feed_terrain_fix(fix.t_ns, _aiding(fix, mark))
         self._is_undecided = True
         return fix
 
-    def _count_loss(self, fix: TerrainFix) -> None:
-        """Search again after ``LOST_COUNT`` refusals in succession that show a wrong position or terrain."""
+    def _refuse(self, fix: TerrainFix) -> None:
+        """Count fixes that contradict the filter, and those after which the search begins again."""
+        if fix.reasons == (Reason.REJECTED,):
+            self._refused += 1
+            if self._refused == CONTRADICTION_COUNT:
+                self._report(fix.t_ns, "warning", _contradiction(fix))
         is_loss = not LOSING.isdisjoint(fix.reasons) and Reason.GROUND_FLAT not in fix.reasons
-        self._lost = self._lost + 1 if is_loss else 0
+        self._lost = self._lost + 1 if is_loss and not self._aided.has_satellites(fix.t_ns) else 0
         if self._lost >= LOST_COUNT and not self._is_search:
             self._is_search, self._lost = True, 0
             self._report(fix.t_ns, "warning", f"lost: {LOST_COUNT} profiles in succession do not fit; searching")
@@ -200,21 +219,13 @@ class TerrainPosition:
         if state is None or fix.t_ns >= t_ns:
             return
         self._is_undecided = False
-        if state.refused_since_ns is None and state.exclusion.cause is None:
-            if self.is_contradicting:
-                self._report(t_ns, "info", "agrees with the filter again")
-            self._lost = self._refused = 0
+        if state.refused_since_ns is not None or state.exclusion.cause is not None:
+            self._fix = replace(fix, valid=False, reasons=(Reason.REJECTED,))
+            self._refuse(self._fix)
             return
-        self._fix = replace(fix, valid=False, reasons=(*fix.reasons, Reason.REJECTED))
-        self._refused += 1
-        if self._refused == CONTRADICTION_COUNT:
-            north, east = fix.shift_north or 0.0, fix.shift_east or 0.0
-            place = f"{math.hypot(north, east):.0f} m from the filter, towards {bearing_deg(north, east):.0f} deg"
-            text = (
-                f"{CONTRADICTION_COUNT} profiles lie {place}; the map or the position is wrong, it is not known which"
-            )
-            self._report(t_ns, "warning", text)
-        self._count_loss(self._fix)
+        if self.is_contradicting:
+            self._report(t_ns, "info", "agrees with the filter again")
+        self._lost, self._refused, self._is_search = 0, 0, False
 
     def _report(self, t_ns: int, level: str, text: str) -> None:
         self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=f"{NAME}: {text}"))
@@ -232,9 +243,12 @@ class TerrainPosition:
         return replace(self._fix, t_ns=t_ns, unchecked=unchecked)
 
 
-def bearing_deg(north: float, east: float) -> float:
-    """Direction of a horizontal vector from north [deg], 0..360."""
-    return math.degrees(math.atan2(east, north)) % 360.0
+def _contradiction(fix: TerrainFix) -> str:
+    """Text of fixes that disagree with the filter."""
+    north, east = fix.shift_north or 0.0, fix.shift_east or 0.0
+    bearing = math.degrees(math.atan2(east, north)) % 360.0
+    place = f"{math.hypot(north, east):.0f} m from the filter, towards {bearing:.0f} deg"
+    return f"{CONTRADICTION_COUNT} profiles lie {place}; the map or the position is wrong, it is not known which"
 
 
 def _drift_sd(estimate: Estimate) -> float:

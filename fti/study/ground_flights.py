@@ -48,7 +48,7 @@ SIZE_M, CELL_M = 16_000.0, 10.0
 #: Half the sides of the rectangle of the flight [m], height above the highest ground [m], speed, bank.
 SIDES_M, CLEARANCE_M, SPEED_MPS, BANK = (5000.0, 3000.0), 120.0, 60.0, math.radians(20.0)
 #: Relief: sigma, longest and shortest wave [m].
-RELIEF_M = {"hills": (40.0, 3000.0, 60.0), "gentle": (12.0, 3000.0, 100.0)}
+RELIEF_M = {"hills": (40.0, 3000.0, 60.0), "gentle": (12.0, 3000.0, 100.0), "flat": (0.1, 3000.0, 60.0)}
 RUNS_PER_GROUND = 10
 SLOW_SHARE, SLOW_S, VELOCITY_SD, VELOCITY_S = 0.7, 200.0, 0.1, 5.0
 BARO_OFFSET_M, BARO_DRIFT_M, BARO_S, BARO_NOISE_M, LASER_SD_M = 20.0, 3.0, 1800.0, 0.5, 0.3

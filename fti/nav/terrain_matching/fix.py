@@ -113,7 +113,8 @@ def match(
     independent_share : number of independent errors over the number of samples, in (0, 1]: errors of elevation are
     correlated over tens of metres, and such samples count less
     drift_sd : one sigma of the drift of the navigated position for each axis [m/s]; 0: it does not drift
-    position_cov : covariance of the navigated position, shape (2, 2) [m^2]; None: a fix at any distance is used
+    position_cov : covariance of the navigated position, shape (2, 2) [m^2]; None: a fix at any distance is used.  It
+    does not move the fix; a minimum that it makes less probable than the best one is less of an ambiguity
     """
     limits = limits or MatchLimits()
     known = _is_over_known_ground(window, profile, lattice)
@@ -127,7 +128,8 @@ def match(
     noise = _noise_ratio(best.chi_square, profile)
     scale = independent_share / noise**2
     shift, cov, unknown = _moments(likelihood, best, scale)
-    ambiguity = max((_odds(best, other, cov, scale) for _, other in solutions), default=0.0)
+    odds = [_odds(best, other, cov, scale) * _prior_odds(best, other, position_cov) for _, other in solutions]
+    ambiguity = max(odds, default=0.0)
     tests = {
         Refusal.FLAT: math.sqrt(np.linalg.eigvalsh(cov)[-1]) > limits.max_sd_m,
         Refusal.AT_EDGE: unknown > MAX_UNKNOWN or _is_at_edge(best.shift, lattice, window.cell_m),
@@ -273,6 +275,14 @@ def _odds(best: Minimum, other: Minimum, cov: Array, scale: float) -> float:
         return 0.0
     area = math.sqrt(np.linalg.det(best.information) / max(np.linalg.det(other.information), 1e-30))
     return float(area * math.exp(-0.5 * scale * (other.chi_square - best.chi_square)))
+
+
+def _prior_odds(best: Minimum, other: Minimum, position_cov: Array | None) -> float:
+    """Prior probability of another minimum over that of the best, at most 1."""
+    if position_cov is None:
+        return 1.0
+    of_best, of_other = (each.shift @ np.linalg.solve(position_cov, each.shift) for each in (best, other))
+    return math.exp(-0.5 * max(0.0, float(of_other - of_best)))
 
 
 def _is_at_edge(shift: Array, lattice: Lattice, cell_m: float) -> bool:
