@@ -53,7 +53,7 @@ LATE_NS = 200_000_000
 #: Repetition of the last fix, and its greatest age in profiles.
 REPEAT_NS, MAX_AGE_PROFILES = 500_000_000, 3
 #: Errors of elevation of 30 m and 300 m length: samples that are closer count less.  Measured: error over sigma 0.9.
-CORRELATED_M = 70.0
+CORRELATED_M = 40.0
 #: Least sigma of a velocity of the filter for the drift within a profile [m/s].
 MIN_DRIFT_MPS = 0.05
 REASON_OF = {

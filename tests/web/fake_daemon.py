@@ -38,6 +38,7 @@ from fti.messages.outputs import (
     Output,
     PositionFix,
     ProvisionalSolution,
+    TerrainFix,
     VerticalSolution,
 )
 from fti.messages.reasons import Reason
@@ -153,6 +154,21 @@ class Approach:
             "/nav/filter_solution": filtered,
             "/nav/vertical_solution": VerticalSolution(alt=640.0, vertical_sd=1.2, **common),
             "/nav/position_fix": PositionFix(**gone),
+            "/nav/terrain_fix": TerrainFix(
+                lat=0.64,
+                lon=-1.47,
+                north_sd=3.1,
+                east_sd=4.6,
+                correlation=0.1,
+                shift_north=-12.0,
+                shift_east=5.0,
+                reach=150.0,
+                samples=74,
+                length=902.0,
+                is_search=False,
+                unchecked=(Reason.MAP_UNVERIFIED,),
+                **common,
+            ),
             PROVISIONAL: ProvisionalSolution(
                 source="gnss",
                 quantities=("position", "height", "velocity"),
