@@ -21,7 +21,7 @@ FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
 #: GDAL's prefix of a file in a zip.
 VSIZIP = "/vsizip/"
 #: Names of navigation's own sources; a device of such a name would be ambiguous.
-RESERVED_DEVICE_NAMES = ("filter", "radio", "terrain", "vertical")
+RESERVED_DEVICE_NAMES = ("filter", "radio", "vertical")
 #: An altimeter is mounted less than 85 degrees from straight down: cosine of that.
 MIN_DOWN_COMPONENT = math.cos(math.radians(85.0))
 

@@ -616,8 +616,8 @@ class Nav(StrictModel):
     attitude: Annotated[
         tuple[Name, ...],
         key(
-            "devices for roll, pitch and heading, in order of preference; the names filter, radio, terrain and "
-            "vertical are reserved",
+            "devices for roll, pitch and heading, in order of preference; the names filter, radio and vertical are "
+            "reserved",
             NO_UNIT,
             ["ins"],
         ),
@@ -625,8 +625,8 @@ class Nav(StrictModel):
     position: Annotated[
         tuple[Name, ...],
         key(
-            "devices for position, velocity and altitude, in order of preference; the names filter, radio, terrain "
-            "and vertical are reserved",
+            "devices for position, velocity and altitude, in order of preference; the names filter, radio and vertical "
+            "are reserved",
             NO_UNIT,
             ["ins", "gnss"],
         ),

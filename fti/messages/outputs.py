@@ -329,7 +329,7 @@ class TerrainFix(Message, kw_only=True):
     ambiguity: Ratio | None = None
     noise_ratio: Ratio | None = None
     reach: Metres | None = None
-    samples: Count = 0
+    samples: Count | None = None
     length: Metres | None = None
 
 

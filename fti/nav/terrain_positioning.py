@@ -178,7 +178,7 @@ class TerrainPosition:
             profile,
             lattice,
             self._limits,
-            independent_share=min(max(fix.length or 0.0, 1.0) / fix.samples / CORRELATED_M, 1.0),
+            independent_share=min(max(fix.length or 0.0, 1.0) / len(heights) / CORRELATED_M, 1.0),
             drift_sd=_drift_sd(mark.estimate),
             position_cov=None if fix.is_search else level_cov,
         )

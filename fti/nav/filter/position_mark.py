@@ -31,7 +31,8 @@ MARK = (Extra.MARK_X, Extra.MARK_Y, Extra.MARK_Z)
 MARK_DRIFT = Drift(1.0, first_sd=1e6)
 #: Correlation length of the horizontal error of a map [m]: its datum and its adjustment are those of a region.
 MAP_LENGTH_M = 50e3
-TERRAIN_POSITION = "terrain.position"
+#: Name of the fixes in the filter; devices name no quantity so.
+TERRAIN_POSITION = "terrain.fix"
 
 
 def mark_drifts(map_sd_m: float) -> dict[str, Drift]:

@@ -124,7 +124,7 @@ def _wider(along: Array) -> Array:
 def gradients() -> Figure:
     """Profiles over gentle and steep ground: their metric, without and with an error of the altimeter."""
     figure = _figure(
-        "Steep ground tells shifts apart",
+        "Steep ground distinguishes shifts",
         "Waves of the same length, heights of 2 m and 20 m. Grey band: mean absolute noise of 1.5 m (fig. 4.14).",
     )
     profile, metric = figure.subplots(1, 2)
