@@ -78,13 +78,13 @@ class RadarModel(NamedTuple):
 class GroundBounds(NamedTuple):
     """Highest post [m] and square of the steepest slope of blocks of the finest layer; infinite over holes.
 
-    east0, north0 : south-west corner of the first block [m];  per_size : 1 / width of a block [1/m]
+    east0, north0 : south-west corner of the first block [m];  size : width of a block [m]
     highest, steep_square : (north, east)
     """
 
     east0: float
     north0: float
-    per_size: float
+    size: float
     highest: Array
     steep_square: Array
 
@@ -94,6 +94,7 @@ class _Blocks(NamedTuple):
 
     east0: float
     north0: float
+    size: float
     per_size: float
     rows: int
     columns: int
@@ -138,7 +139,7 @@ def ground_bounds(p: Pyramid, west: float, east: float, south: float, north: flo
             highest[i, j], rise_square = _bounds_of_block(heights, at, layer.columns, cells)
             steep_square[i, j] = rise_square / layer.cell**2
     west, south = layer.east0 + first_x * size, layer.north0 + first_y * size
-    return GroundBounds(west, south, 1.0 / size, highest, steep_square)
+    return GroundBounds(west, south, size, highest, steep_square)
 
 
 @kernel
@@ -182,7 +183,7 @@ def edge_ranges(p: Pyramid, bounds: GroundBounds, origins: Array, mats: Array, v
     q, n = p.addresses, len(model.rays)
     rows, columns = bounds.highest.shape
     highest, steep_square = bounds.highest.ctypes.data, bounds.steep_square.ctypes.data
-    blocks = _Blocks(bounds.east0, bounds.north0, bounds.per_size, rows, columns, highest, steep_square)
+    blocks = _Blocks(bounds.east0, bounds.north0, bounds.size, 1.0 / bounds.size, rows, columns, highest, steep_square)
     posts = Posts(heights_at(q), layers_at(q))
     rays = _Rays(np.empty(n), np.empty(n), np.empty(n, np.bool_), np.zeros(n), np.empty(n, np.bool_), np.empty(n))
     spectra, found, first = np.empty((3, model.n_bin + model.table.shape[1])), np.empty(len(origins)), _FIRST
@@ -392,21 +393,25 @@ def _cast_one(
 
 @kernel
 def _is_met_once(b: _Blocks, o: Vector, ray: Vector, begin: float, end: float) -> bool:
-    """Whether a ray that is above the ground at ``begin`` cannot meet it before ``end``, except once: the ground in
-    each block below it is lower than its end, or less steep than the ray.
+    """Whether a ray that is above the ground at ``begin`` cannot meet it before ``end``, except once: each block below
+    it is less steep than the ray, or lower than the ray where it leaves the block.
     """
     if not end >= begin:  # NaN as well
         return False
     (dx, dy, dz), x, y = ray, o[0] - b.east0, o[1] - b.north0
     x0, x1 = (x + begin * dx) * b.per_size, (x + end * dx) * b.per_size
     y0, y1 = (y + begin * dy) * b.per_size, (y + end * dy) * b.per_size
-    lowest, level, descent = o[2] + end * dz, dx * dx + dy * dy, dz * dz
+    level, descent, is_east, is_north = dx * dx + dy * dy, dz * dz, int(dx > 0.0), int(dy > 0.0)
     highest, steep_square = doubles_at(b.highest), doubles_at(b.steep_square)
     for i in range(int(min(y0, y1)), int(max(y0, y1)) + 1):
         for j in range(int(min(x0, x1)), int(max(x0, x1)) + 1):
             k = i * b.columns + j
-            if not (steep_square[k] * level < descent or highest[k] < lowest):
-                return False
+            if not steep_square[k] * level < descent:
+                leave_x = (j + is_east) * b.size - x
+                leave_y = (i + is_north) * b.size - y
+                leave = min(end, leave_x / dx if dx != 0.0 else end, leave_y / dy if dy != 0.0 else end)
+                if not highest[k] < o[2] + leave * dz:
+                    return False
     return True
 
 
