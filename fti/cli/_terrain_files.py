@@ -15,44 +15,58 @@ def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
     """Open each file, and load the geoid that its heights need.  Raises ConfigError or MissingError."""
     if config.nav.terrain is None or not config.nav.terrain.files:
         return
+    from fti.terrain.files.catalogue import list_files
+
+    vertical = config.nav.terrain.vertical
+    assert vertical is not None  # required with files
+    for i, path in enumerate(config.nav.terrain.files):
+        key = f"{config.path}: nav.terrain.files[{i}]"
+        try:
+            files = list_files([path])
+        except ConfigError as error:
+            raise ConfigError(f"{key} = {error}") from None
+        for file in files:
+            yield _describe(file, key, vertical)
+
+
+def _describe(file: str, key: str, vertical: str) -> dict[str, Any]:
     from fti.geodesy.geoid import load_geoid
     from fti.terrain.files.elevation_file import ElevationFile
     from fti.terrain.files.vertical import OTHER_FILES
 
-    vertical = config.nav.terrain.vertical
-    assert vertical is not None  # required with files
-    for i, file in enumerate(config.nav.terrain.files):
-        key = f"{config.path}: nav.terrain.files[{i}]"
-        try:
-            with closing(ElevationFile(file, {OTHER_FILES: vertical})) as opened:
-                source = opened.source
-            if source.vertical != "ellipsoid":
-                load_geoid(source.vertical)
-        except MissingError as error:
-            raise MissingError(f"{key} = {error}") from None
-        except ConfigError as error:
-            raise ConfigError(f"{key} = {error}") from None
-        yield {
-            "file": file,
-            "format": source.format,
-            "posts": [source.rows, source.columns],
-            "spacing_m": [round(spacing, 2) for spacing in source.spacing_m],
-            "vertical": source.vertical,
-            "vertical_by": source.vertical_by,
-        }
+    try:
+        with closing(ElevationFile(file, {OTHER_FILES: vertical})) as opened:
+            source = opened.source
+        if source.vertical != "ellipsoid":
+            load_geoid(source.vertical)
+    except MissingError as error:
+        raise MissingError(f"{key} = {error}") from None
+    except ConfigError as error:
+        raise ConfigError(f"{key} = {error}") from None
+    return {
+        "file": file,
+        "format": source.format,
+        "posts": [source.rows, source.columns],
+        "spacing_m": [round(spacing, 2) for spacing in source.spacing_m],
+        "vertical": source.vertical,
+        "vertical_by": source.vertical_by,
+        "date": source.date,
+        "sd_m": source.sd_m,
+    }
 
 
 def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
     """Each layer of the terrain with its sigma and the parts of it [m].  Raises ConfigError or MissingError."""
     settings = config.nav.terrain
-    if settings is None or not settings.files:
+    if settings is None or not settings.files or settings.memory_mb is not None:
         return
+    from fti.terrain.files.catalogue import list_files
     from fti.terrain.files.file_survey import survey_layers
 
     centre = settings.centre_deg
     try:
         layers = survey_layers(
-            settings.files,
+            list_files(settings.files),
             centre=(math.radians(centre[0]), math.radians(centre[1])) if centre else None,
             radius_m=settings.radius_m,
             cell_m=settings.cell_m,
@@ -81,7 +95,9 @@ def layer_cells(layer: dict[str, Any]) -> tuple[str, ...]:
 
 
 def terrain_cells(file: dict[str, Any]) -> tuple[str, ...]:
-    """One file as text: name, format, posts, spacing, vertical datum."""
+    """One file as text: name, format, posts, spacing, vertical datum, date, sigma."""
     posts, spacing = (" x ".join(f"{value:g}" for value in file[key]) for key in ("posts", "spacing_m"))
     datum = f"{file['vertical']} (from {file['vertical_by']})"
-    return (file["file"], file["format"], f"{posts} posts", f"{spacing} m apart", datum)
+    date = f"date {file['date']}" if file["date"] else "no date"
+    sigma = "" if file["sd_m"] is None else f"sigma {file['sd_m']:.1f} m (from the file)"
+    return (file["file"], file["format"], f"{posts} posts", f"{spacing} m apart", datum, date, sigma)

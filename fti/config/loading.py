@@ -16,7 +16,7 @@ from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainF
 from fti.errors import ConfigError, MissingError, did_you_mean
 
 #: Keys of ``[nav.terrain]`` that need ``files``.
-FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
+FILE_KEYS = ("vertical", "centre_deg", "radius_m", "memory_mb", "cell_m")
 
 #: GDAL's prefix of a file in a zip.
 VSIZIP = "/vsizip/"
@@ -166,6 +166,8 @@ def _check_terrain(terrain: TerrainFiles | None, file: str) -> None:
         raise ConfigError(f"{file}: nav.terrain.vertical: missing; it must be given: ellipsoid, egm96 or egm2008")
     if (terrain.centre_deg is None) != (terrain.radius_m is None):
         raise ConfigError(f"{file}: nav.terrain: centre_deg and radius_m: set both, or neither to use the whole files")
+    if terrain.memory_mb is not None and terrain.centre_deg is not None:
+        raise ConfigError(f"{file}: nav.terrain: needs only one of memory_mb and centre_deg with radius_m")
     if terrain.scene and (extra := [key for key in FILE_KEYS if getattr(terrain, key) is not None]):
         raise ConfigError(f"{file}: nav.terrain.{extra[0]}: not allowed with scene, only with files")
 

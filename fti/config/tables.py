@@ -376,12 +376,16 @@ class Device(StrictModel):
 class TerrainFiles(StrictModel):
     """``[nav.terrain]``: elevation files and the datum of their heights, or a scene of the emulator.
 
-    Exactly one of ``files`` and ``scene`` is required; the keys vertical, centre_deg, radius_m and cell_m need files.
+    Exactly one of ``files`` and ``scene`` is required; the other keys but sd_m need files.
     """
 
     files: Annotated[
         tuple[str, ...],
-        key("elevation files (GeoTIFF, DTED, SRTM and other formats of GDAL)", NO_UNIT, ["dsm_1m.tif", "srtm.hgt"]),
+        key(
+            "elevation files (GeoTIFF, DTED, SRTM and other formats of GDAL), and folders of such files",
+            NO_UNIT,
+            ["dsm_1m.tif", "srtm.hgt"],
+        ),
     ] = ()
     vertical: Annotated[
         Literal["ellipsoid", "egm96", "egm2008"] | None,
@@ -399,6 +403,15 @@ class TerrainFiles(StrictModel):
     ] = None
     radius_m: Annotated[
         Positive | None, key("half the side of the square to load; given with centre_deg", "m", 20000.0)
+    ] = None
+    memory_mb: Annotated[
+        Annotated[float, Field(ge=16, le=100_000)] | None,
+        key(
+            "memory for elevation: squares around the aircraft are loaded in succession, as large as half of it "
+            "allows; not with centre_deg; none: everything is loaded at the start",
+            "MiB",
+            500.0,
+        ),
     ] = None
     cell_m: Annotated[
         Positive | None, key("spacing of the posts of the finest layer; none: that of the finest file", "m", 5.0)

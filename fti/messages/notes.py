@@ -13,6 +13,7 @@ from fti.messages.units import (
     Metres,
     Nanoseconds,
     PartsPerMillion,
+    Radians,
     SiValue,
 )
 
@@ -70,6 +71,7 @@ class DeviceClockRecord(Message, kw_only=True):
 class TerrainRecord(Message, kw_only=True):
     """The terrain that navigation uses after frame ``after_seq``: its name and files, or why there is none.
 
+    lat, lon, radius : middle and half the side of the square that is loaded; without: all is loaded
     sha256 : of the posts, to the last bit;  checksums : of the posts of each layer, as ``Ground.checksums``
     """
 
@@ -78,6 +80,9 @@ class TerrainRecord(Message, kw_only=True):
     fault: str | UnsetType = UNSET
     name: str | UnsetType = UNSET
     files: tuple[str, ...] | UnsetType = UNSET
+    lat: Radians | UnsetType = UNSET
+    lon: Radians | UnsetType = UNSET
+    radius: Metres | UnsetType = UNSET
     sha256: str | UnsetType = UNSET
     checksums: tuple[Metres, ...] | UnsetType = UNSET
 

@@ -29,6 +29,7 @@ class Ground:
     """Known elevation.
 
     terrain : the surface; name : its data source; files : paths of the source files
+    radius_m : half the side of the loaded square around the frame's origin [m]; None: all is loaded
     sd      : one sigma of the heights of files that do not state it [m]; of the surface, with its resampling: ``sd_at``
     """
 
@@ -36,6 +37,7 @@ class Ground:
     sd: float
     name: str
     files: tuple[str, ...] = ()
+    radius_m: float | None = None
 
     def sd_at(self, east: float, north: float) -> float:
         """One sigma of the surface [m] at a position in the terrain's frame [m]: sqrt(sd^2 + RMS of the resampling^2).

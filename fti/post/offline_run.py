@@ -36,6 +36,7 @@ from fti.messages.tables import to_table
 from fti.messages.topics import EVENT_TOPIC, HEALTH_TOPIC, note_message
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.device_monitor import DeviceMonitor
+from fti.service.navigation.terrain_areas import TerrainAreas, wanted_areas
 from fti.service.navigation.terrain_loader import load_terrain
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.health import HealthBoard
@@ -91,8 +92,10 @@ class OfflineSession:
         self._derived = DerivedLog(folder, settings, decimate_hz=DECIMATE_HZ)
         # The clock of the alarm board may stand still: reports and health carry their own times.
         self._alarms = AlarmBoard(FakeClock(BEGIN_NS), lambda topic, payload: None, self._record_alarm, lambda: None)
-        if config.nav.terrain:
-            ground = load_terrain(config.nav.terrain)
+        terrain = config.nav.terrain
+        self._areas = TerrainAreas(terrain) if terrain and terrain.memory_mb is not None else None
+        if terrain and not self._areas:
+            ground = load_terrain(terrain)
             self._keep(self._chain.set_terrain(ground, None, -1, BEGIN_NS - LEAD_TICKS * TICK_PERIOD_NS))
 
     def receive(self, link: str, data: bytes, t_ns: int) -> None:
@@ -124,7 +127,12 @@ class OfflineSession:
     def _take(self, frame: RawFrame) -> None:
         self._seq += 1
         self._diagnosis.feed(frame)
-        self._keep(self._chain.feed(frame))
+        products = self._chain.feed(frame)
+        self._keep(products)
+        for nav in wanted_areas(self._areas, (products,)):
+            assert self._areas is not None
+            loaded = self._areas.load(nav)
+            self._keep(self._chain.set_terrain(loaded.ground, loaded.fault, frame.seq, frame.t_rx_ns))
 
     def _keep(self, products: ChainOutput) -> None:
         for device, measurement in products.measurements:

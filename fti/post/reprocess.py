@@ -1,12 +1,14 @@
 """Run navigation again over the raw bytes of a session: the same chain and order, the same outputs bit for bit.
 
 With ``as_flown`` frames that the ring lost, and restarts of navigation, are repeated; without, navigation gets all
-frames.  The terrain is set at the same frame as in flight; with another configuration at the first frame.
+frames.  The terrain, or each square of it, is set at the same frame as in flight; with another configuration the whole
+at the first frame, squares where they are needed.
 The outputs are equal for the same range of ``seq``, software, configuration and processor model.
 """
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import itertools
 import math
@@ -35,7 +37,9 @@ from fti.messages.topics import GAP_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.terrain_reference import Ground
 from fti.service.navigation.decode_chain import Chain, ChainOutput
+from fti.service.navigation.terrain_areas import TerrainAreas, wanted_areas
 from fti.service.navigation.terrain_loader import load_terrain
+from fti.terrain.area import TerrainArea
 
 Progress = Callable[[int], None]
 FLUSH_FRAMES = 5000
@@ -45,13 +49,17 @@ GC_THRESHOLD = 100_000
 
 @dataclass(frozen=True, slots=True)
 class TerrainNote:
-    """After frame ``after_seq`` the terrain was loaded, or loading it had failed (``fault``)."""
+    """After frame ``after_seq`` the terrain was loaded, or loading it had failed (``fault``).
+
+    area : the square that was loaded; None: all
+    """
 
     after_seq: int
     t_ns: int
     sha256: str | None = None
     checksums: tuple[float, ...] | None = None
     fault: str | None = None
+    area: TerrainArea | None = None
 
     def is_of(self, ground: Ground, settings: TerrainFiles) -> bool:
         """Whether this is the terrain of the flight.  Without checksums a scene is identified by its name."""
@@ -90,14 +98,24 @@ class Setup:
         """A fresh chain."""
         return Chain(self.config, self.devices, self.reference)
 
-    def terrain_note_of(self, segment: NavigationRun) -> TerrainNote | None:
-        """When the terrain is set in a segment; None where none is configured, or it was not loaded in time."""
-        if self.config.nav.terrain is None:
-            return None
+    def terrain_notes_of(self, segment: NavigationRun) -> list[TerrainNote]:
+        """When a terrain is set in a segment: never where none is configured, or none was loaded in time."""
+        settings = self.config.nav.terrain
+        if settings is None:
+            return []
         if not self.terrain_notes:
-            return TerrainNote(segment.first - 1, 0)
+            return [TerrainNote(segment.first - 1, 0)] if settings.memory_mb is None else []
         last = math.inf if segment.last is None else segment.last
-        return next((note for note in self.terrain_notes if segment.first - 1 <= note.after_seq <= last), None)
+        notes = [note for note in self.terrain_notes if segment.first - 1 <= note.after_seq <= last]
+        return notes if settings.memory_mb is not None else notes[:1]
+
+    @property
+    def areas(self) -> TerrainAreas | None:
+        """Choose the squares of the terrain: the configuration has them, and the recording has none."""
+        settings = self.config.nav.terrain
+        if settings is None or settings.memory_mb is None or self.terrain_notes:
+            return None
+        return TerrainAreas(settings, local_only=self.recorded)
 
     def readmissions_in(self, segment: NavigationRun) -> list[Readmission]:
         """The readmissions in a segment whose source is in this configuration."""
@@ -106,21 +124,36 @@ class Setup:
         return [r for r in self.readmissions if segment.first - 1 <= r.after_seq <= last and r.source in sources]
 
     def load_terrain(self) -> Ground | None:
-        """The terrain, if navigation had one.
+        """The whole terrain, if navigation had one; None also where it had squares.
 
         Raises ConfigError or MissingError where it cannot be loaded now, RecordingError where it has changed.
         """
         settings = self.config.nav.terrain
-        if settings is None or (self.terrain_notes and all(note.fault for note in self.terrain_notes)):
+        if settings is None or settings.memory_mb is not None:
+            return None
+        if self.terrain_notes and all(note.fault for note in self.terrain_notes):
             return None
         ground = load_terrain(settings, local_only=self.recorded)
         for note in self.terrain_notes:
-            if not note.fault and not note.is_of(ground, settings):
-                raise RecordingError(
-                    f"{ground.name}: is not the terrain of the flight (SHA-256 {note.sha256}); name a configuration "
-                    "with the terrain to use"
-                )
+            self._check(ground, note)
         return ground
+
+    def load_area(self, note: TerrainNote) -> Ground | None:
+        """The square of a note; None without.  Raises as ``load_terrain``."""
+        settings = self.config.nav.terrain
+        if settings is None or note.area is None:
+            return None
+        ground = load_terrain(settings, local_only=self.recorded, area=note.area)
+        self._check(ground, note)
+        return ground
+
+    def _check(self, ground: Ground, note: TerrainNote) -> None:
+        settings = self.config.nav.terrain
+        if settings is not None and not note.fault and not note.is_of(ground, settings):
+            raise RecordingError(
+                f"{ground.name}: is not the terrain of the flight (SHA-256 {note.sha256}); name a configuration "
+                "with the terrain to use"
+            )
 
 
 class Restored(NamedTuple):
@@ -205,7 +238,11 @@ def _terrain_note(note: dict[str, Any]) -> TerrainNote:
     """Raises KeyError or ValueError."""
     sha256, fault = (None if note.get(key) is None else _text(note[key]) for key in ("sha256", "fault"))
     checksums = None if note.get("checksums") is None else tuple(float(number) for number in note["checksums"])
-    return TerrainNote(whole_number(note["after_seq"]), whole_number(note["t_ns"]), sha256, checksums, fault)
+    area = None
+    if note.get("radius") is not None:
+        lat, lon, radius_m = (float(note[key]) for key in ("lat", "lon", "radius"))
+        area = TerrainArea(lat, lon, radius_m, tuple(map(_text, note["files"])))
+    return TerrainNote(whole_number(note["after_seq"]), whole_number(note["t_ns"]), sha256, checksums, fault, area)
 
 
 def _text(value: Any) -> str:
@@ -280,21 +317,20 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
             metadata={"fti": {**recording.metadata.get("fti", {}), "reprocessed": "true"}},
         ),
     )
-    with infrequent_gc():
+    with contextlib.closing(log), infrequent_gc():
         done = 0
         frames = itertools.chain((first,), frames)
         for segment in segments:
             fresh = setup.make_chain()
             _write(fresh.restore(segment.restored.refusals, segment.restored.t_ns), log)
             readmission_replay = _ReadmissionReplay(fresh, setup.readmissions_in(segment))
-            chain = _TerrainReplay(readmission_replay, ground, setup.terrain_note_of(segment))
+            chain = _TerrainReplay(readmission_replay, setup, ground, setup.terrain_notes_of(segment))
             for _ in _feed(frames, segment, chain, log):
                 done += 1
                 if done % FLUSH_FRAMES == 0:
                     log.flush()
                     progress(done)
             frames = recording.frames()
-        log.close()
     return folder.path
 
 
@@ -326,21 +362,31 @@ class _ReadmissionReplay:
 
 
 class _TerrainReplay:
-    """A chain that gets its terrain before the same frame as in flight."""
+    """A chain that gets its terrain, or each square of it, before the same frame as in flight.
 
-    def __init__(self, chain: _ReadmissionReplay, ground: Ground | None, note: TerrainNote | None) -> None:
-        self._chain, self._ground, self._note = chain, ground, note
+    ground : the whole terrain; None: squares
+    """
+
+    def __init__(
+        self, chain: _ReadmissionReplay, setup: Setup, ground: Ground | None, notes: list[TerrainNote]
+    ) -> None:
+        self._chain, self._setup, self._ground, self._waiting = chain, setup, ground, deque(notes)
+        self._areas = setup.areas
         self.reset_after_gap = chain.reset_after_gap
 
     def feed(self, frame: RawFrame) -> list[ChainOutput]:
         """Outputs of the terrain, if it is due, and of the frame."""
-        note = self._note
-        if note is None or frame.seq <= note.after_seq:
-            return self._chain.feed(frame)
-        self._note = None
-        ground = None if note.fault else self._ground
-        products = self._chain.set_terrain(ground, note.fault, note.after_seq, note.t_ns or frame.t_rx_ns)
-        return [products, *self._chain.feed(frame)]
+        out: list[ChainOutput] = []
+        while self._waiting and frame.seq > self._waiting[0].after_seq:
+            note = self._waiting.popleft()
+            ground = None if note.fault else self._ground or self._setup.load_area(note)
+            out.append(self._chain.set_terrain(ground, note.fault, note.after_seq, note.t_ns or frame.t_rx_ns))
+        out += self._chain.feed(frame)
+        for nav in wanted_areas(self._areas, out):
+            assert self._areas is not None
+            loaded = self._areas.load(nav)
+            out.append(self._chain.set_terrain(loaded.ground, loaded.fault, frame.seq, frame.t_rx_ns))
+        return out
 
 
 def _feed(

@@ -34,7 +34,7 @@ def test_every_example_runs(
         r"\('1\d{3}\.\d m', 'HIT'\), \('nan m', 'OUTSIDE'\)",
         r"\d{3}\.\d+ m AGL\(p\)",
         r"-?8[23]\.\d+ m PRESSURE\(1023\.25 hPa\)",
-        r"frozenset\(\{<Refusal\.(FLAT|AMBIGUOUS)",  # the ground of this test has no slope to the east
+        r"frozenset\(\{.*<Refusal\.(FLAT|AMBIGUOUS)",  # the ground of this test has no slope to the east
         r"ELLIPSOID cannot be subtracted from MSL\(egm96\): convert one of the heights first",
     ):
         assert re.search(line, output), f"{line} not in:\n{output}"

@@ -140,7 +140,7 @@ class Chain(MeasurementChain):
         about: dict[str, Any] = {"fault": fault or ""}
         if ground:
             identity = {"sha256": ground.digest, "checksums": ground.checksums}
-            about = {"name": ground.name, "files": ground.files, **identity}
+            about = {"name": ground.name, "files": ground.files, **_square_of(ground), **identity}
         products.notes.append(TerrainRecord(t_ns=t_ns, after_seq=after_seq, **about))
         products.notes.append(self._conditions.report_terrain(t_ns, fault).as_record())
         level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")
@@ -204,6 +204,13 @@ class Chain(MeasurementChain):
         if note := self._times.tick(t_ns):
             products.notes.append(note)
             products.outputs += self._times.drain_events(t_ns)
+
+
+def _square_of(ground: Ground) -> dict[str, float]:
+    """The square of a terrain that is a part of what is configured."""
+    if ground.radius_m is None:
+        return {}
+    return {"lat": ground.terrain.frame.lat0, "lon": ground.terrain.frame.lon0, "radius": ground.radius_m}
 
 
 class _EventGuard(Guard):

@@ -13,6 +13,7 @@ from fti.buffers.ring_reader import RingFrame, RingReader
 from fti.bus.client import Publisher
 from fti.bus.message import encode_with_age
 from fti.clock import SystemClock
+from fti.config import Config
 from fti.devices import bind_devices, parse_reference
 from fti.latency_histogram import LatencyHistogram
 from fti.logger.derived_log import DerivedLog
@@ -30,13 +31,14 @@ from fti.messages.frames import TICK_LINK, RawFrame
 from fti.messages.health import NavigationHealth, OutputDelay
 from fti.messages.measurements import Ack
 from fti.messages.notes import AlarmReportRecord, GapRecord
-from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
+from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, NavSolution, Output
 from fti.messages.topics import OUTPUT_MAX_AGE_MS, output_topic
 from fti.service.control_channel import ControlChannel
 from fti.service.navigation.backlog import BacklogPolicy, SkipReporter
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.derived_writer import DerivedWriter
 from fti.service.navigation.device_monitor import DeviceMonitor
+from fti.service.navigation.terrain_areas import TerrainAreaLoader
 from fti.service.navigation.terrain_loader import TerrainLoader
 from fti.service.startup import NavigationStartup
 
@@ -89,7 +91,7 @@ class NavigationProcess:
         self._devices = bind_devices(config, startup.texts)
         self._config = config
         self._chain = Chain(config, self._devices, parse_reference(config, startup.texts))
-        self._loading = TerrainLoader(config, startup.without_terrain) if config.nav.terrain else None
+        self._loading = _terrain_loader(config, startup.without_terrain)
         self._device_monitor = DeviceMonitor(config, self._chain)
         self._max_age_ms = {device.name: device.max_age_ms for device in config.device}
         self._derived = self._open_derived(startup)
@@ -122,7 +124,7 @@ class NavigationProcess:
     def run(self) -> None:
         """Process frames until the ring has ended and is empty."""
         self._derived.start()
-        if self._loading:
+        if isinstance(self._loading, TerrainLoader):
             self._channel.send(TerrainLoading(True))
             self._loading.start()
         self._channel.send(Ready())
@@ -184,6 +186,10 @@ class NavigationProcess:
             self._channel.send(TerrainLoading(False))
             self._deliver(self._chain.set_terrain(result.ground, result.fault, self._last_seq, self._last_ns))
 
+    def _follow_with_terrain(self, nav: NavSolution) -> None:
+        if isinstance(self._loading, TerrainAreaLoader) and self._loading.follow(nav):
+            self._channel.send(TerrainLoading(True))
+
     def _process_frame(self, entry: RingFrame) -> None:
         kind, index, seq, t_rx_ns, data = entry
         if self._resumed or seq != self._last_seq + 1:
@@ -211,6 +217,8 @@ class NavigationProcess:
         for output in products.outputs:
             self._derived.output(output)
             self._publish(output)
+            if isinstance(output, NavSolution):
+                self._follow_with_terrain(output)
         if any(isinstance(output, Event) for output in products.outputs):  # each refusal is an event
             self._send_refusals()
 
@@ -290,3 +298,12 @@ class NavigationProcess:
 
     def _send_event(self, level: str, source: str, text: str) -> None:
         self._channel.send(Event(t_ns=self._clock.now_ns(), level=level, source=source, text=text))
+
+
+def _terrain_loader(config: Config, without: str | None) -> TerrainLoader | TerrainAreaLoader | None:
+    settings = config.nav.terrain
+    if settings is None:
+        return None
+    return (
+        TerrainLoader(config, without) if settings.memory_mb is None else TerrainAreaLoader(config, settings, without)
+    )

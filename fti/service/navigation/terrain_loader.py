@@ -17,6 +17,7 @@ from fti.config import Config, TerrainFiles
 from fti.nav.terrain_reference import Ground
 from fti.service.fault_guard import catch_failures
 from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
+from fti.terrain.area import TerrainArea
 
 if TYPE_CHECKING:
     from fti.terrain.terrain import Terrain
@@ -24,28 +25,47 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 
 
-def load_terrain(settings: TerrainFiles, progress: Progress | None = None, *, local_only: bool = False) -> Ground:
+def load_terrain(
+    settings: TerrainFiles,
+    progress: Progress | None = None,
+    *,
+    local_only: bool = False,
+    area: TerrainArea | None = None,
+) -> Ground:
     """The terrain of a configuration.  progress : called with the loaded share, 0 to 1
 
     local_only : see ``open_terrain``; for the configuration of a recording
+    area : the square to load; None: all that is configured
 
     Raises ConfigError or MissingError as ``open_terrain`` does.
     """
     if settings.scene:
         return Ground(_scene(settings.scene), settings.sd_m, f"scene {settings.scene}")
-    from fti.terrain.files.open_terrain import open_terrain  # noqa: PLC0415 - numba, GDAL: only loaded if needed
+    from fti.terrain.files.catalogue import list_files  # noqa: PLC0415 - numba, GDAL: only loaded if needed
+    from fti.terrain.files.open_terrain import open_terrain  # noqa: PLC0415 - see above
 
-    centre = settings.centre_deg
+    files, centre, radius_m = settings.files, None, settings.radius_m
+    if area:
+        files, centre, radius_m = area.files, (area.lat, area.lon), area.radius_m
+    elif settings.centre_deg:
+        centre = (math.radians(settings.centre_deg[0]), math.radians(settings.centre_deg[1]))
+    files = list_files(files)
     terrain = open_terrain(
-        settings.files,
-        centre=(math.radians(centre[0]), math.radians(centre[1])) if centre else None,
-        radius_m=settings.radius_m,
+        files,
+        centre=centre,
+        radius_m=radius_m,
         cell_m=settings.cell_m,
         vertical=settings.vertical,
         progress=progress,
         local_only=local_only,
     )
-    return Ground(terrain, settings.sd_m, ", ".join(settings.files), settings.files)
+    name = _area_name(area) if area else ", ".join(files)
+    return Ground(terrain, settings.sd_m, name, files, area.radius_m if area else None)
+
+
+def _area_name(area: TerrainArea) -> str:
+    place = f"{math.degrees(area.lat):.4f}, {math.degrees(area.lon):.4f}"
+    return f"{area.radius_m / 1000:.1f} km around {place}, files: {len(area.files)}"
 
 
 @functools.cache
