@@ -9,7 +9,7 @@ import pytest
 
 from fti.study import StudyResult
 from fti.study.multibeam import aided, experiment, judge
-from fti.study.multibeam.aided import AIDS, CASES, AidedErrors, PositionFilter, gnss_sd
+from fti.study.multibeam.aided import AIDS, CASES, AidedErrors, PositionFilter, gnss_sd, motion
 from fti.study.multibeam.experiment import CHOICES, BeamResult, GroundResult
 from fti.study.multibeam.flights import ANGLES_DEG, BEAM_SETS, COLUMNS
 
@@ -61,17 +61,21 @@ def test_satellites_follow_the_tables_of_the_source() -> None:
 
 
 def test_the_filter_states_its_error() -> None:
-    """A measurement each second of an error in its past: error^2 over variance is 1 on average."""
+    """Measurements of now, and of 1.5 s ago: error^2 over variance is 1 on average."""
     rng, ratios = np.random.default_rng(1), []
+    step, process = (np.kron(matrix, np.eye(2)) for matrix in motion(1.5))
+    root = np.linalg.cholesky(process)
     for _ in range(40):
-        kalman, truth = PositionFilter(), rng.multivariate_normal(np.zeros(4), PositionFilter().cov)
+        kalman = PositionFilter()
+        truth = rng.multivariate_normal(np.zeros(4), kalman.cov[:4, :4])
         for _ in range(20):
-            root = np.kron(np.linalg.cholesky(aided.PROCESS), np.eye(2))
-            truth = np.kron(aided.TRANSITION, np.eye(2)) @ truth + root @ rng.standard_normal(4)
-            kalman.predict()
-            kalman.update(truth[:2] - 1.5 * truth[2:] + 3.0 * rng.standard_normal(2), 9.0 * np.eye(2), 1.5)
-        off = truth - kalman.state
-        ratios.append(off @ np.linalg.solve(kalman.cov, off) / 4.0)
+            kalman.keep()
+            kept, truth = truth[:2], step @ truth + root @ rng.standard_normal(4)
+            kalman.predict(1.5)
+            kalman.update(kept + 0.3 * rng.standard_normal(2), 0.09 * np.eye(2), of_kept=True)
+            kalman.update(truth[:2] + 3.0 * rng.standard_normal(2), 9.0 * np.eye(2))
+        off = truth - kalman.state[:4]
+        ratios.append(off @ np.linalg.solve(kalman.cov[:4, :4], off) / 4.0)
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.35)
 
 

@@ -2,7 +2,8 @@
 
 The errors of the inertial position and velocity are a random walk of the velocity for each horizontal axis.  A Kalman
 filter estimates them from satellites, once a second, and from fixes of 125 ranges of each beam, every five seconds.  A
-fix measures the error in the middle of its window.  Truth is drawn from the same model.
+fix measures the error in the middle of its window, which the filter keeps as a state.  Truth is drawn from the same
+model.
 
 Source: Spiegel 2018, section 7.3.4 and 7.3.5, tables 7.4 and 7.5, fig. 7.27, 7.28, 7.31, 7.32.
 """
@@ -88,38 +89,50 @@ def draw_turn(ground: Terrain, rng: Rng) -> Turn:
 def _draw_inertial(rng: Rng) -> Array:
     """Errors of the inertial position at whole seconds, (DURATION_S, 2) [m]: the model of the filter."""
     state = np.vstack((GNSS_SD_M * rng.standard_normal(2), VELOCITY_SD_MPS * rng.standard_normal(2)))
-    root, errors = np.linalg.cholesky(PROCESS), []
+    transition, process = motion(1.0)
+    root, errors = np.linalg.cholesky(process), []
     for _ in range(DURATION_S):
         errors.append(state[0])
-        state = TRANSITION @ state + root @ rng.standard_normal((2, 2))
+        state = transition @ state + root @ rng.standard_normal((2, 2))
     return np.array(errors)
 
 
-#: Of position and velocity error of one axis in one second.
-TRANSITION = np.array([[1.0, 1.0], [0.0, 1.0]])
-PROCESS = WALK**2 * np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
+def motion(step_s: float) -> tuple[Array, Array]:
+    """Transition and process noise of position and velocity error of one axis in a step."""
+    noise = WALK**2 * np.array([[step_s**3 / 3.0, step_s**2 / 2.0], [step_s**2 / 2.0, step_s]])
+    return np.array([[1.0, step_s], [0.0, 1.0]]), noise
 
 
 @dataclass(eq=False)
 class PositionFilter:
-    """Errors of position and velocity, east and north: state (4,) = east, north, their rates."""
+    """Errors of position and velocity, and of a kept position: state (6,), east and north of each."""
 
-    state: Array = field(default_factory=lambda: np.zeros(4))
-    cov: Array = field(default_factory=lambda: np.diag([GNSS_SD_M**2] * 2 + [VELOCITY_SD_MPS**2] * 2))
+    state: Array = field(default_factory=lambda: np.zeros(6))
+    cov: Array = field(default_factory=lambda: np.diag([GNSS_SD_M**2] * 2 + [VELOCITY_SD_MPS**2] * 2 + [0.0] * 2))
 
-    def predict(self) -> None:
-        """One second."""
-        transition = np.kron(TRANSITION, np.eye(2))
+    def predict(self, step_s: float) -> None:
+        """The kept position does not move."""
+        transition, noise = np.eye(6), np.zeros((6, 6))
+        step, process = motion(step_s)
+        transition[:4, :4], noise[:4, :4] = np.kron(step, np.eye(2)), np.kron(process, np.eye(2))
+        self._transform(transition)
+        self.cov += noise
+
+    def keep(self) -> None:
+        """Keep the position of now."""
+        self._transform(np.eye(6)[[0, 1, 2, 3, 0, 1]])
+
+    def _transform(self, transition: Array) -> None:
         self.state = transition @ self.state
-        self.cov = transition @ self.cov @ transition.T + np.kron(PROCESS, np.eye(2))
+        self.cov = transition @ self.cov @ transition.T
 
-    def update(self, measured: Array, cov: Array, age_s: float = 0.0) -> None:
-        """A measured error of the position, ``age_s`` ago [m]."""
-        row = np.hstack((np.eye(2), -age_s * np.eye(2)))
+    def update(self, measured: Array, cov: Array, *, of_kept: bool = False) -> None:
+        """A measured error of the position, now or of the kept one [m]."""
+        row = np.eye(6)[4:] if of_kept else np.eye(6)[:2]
         gain = self.cov @ row.T @ np.linalg.inv(row @ self.cov @ row.T + cov)
         self.state = self.state + gain @ (measured - row @ self.state)
-        keep = np.eye(4) - gain @ row
-        self.cov = keep @ self.cov @ keep.T + gain @ cov @ gain.T
+        rest = np.eye(6) - gain @ row
+        self.cov = rest @ self.cov @ rest.T + gain @ cov @ gain.T
 
 
 def gnss_sd(case: str, second: int) -> float | None:
@@ -134,8 +147,6 @@ def navigate(ground: Terrain, turn: Turn, case: str, beams: int) -> AidedFlight:
     """The flight with a case of satellites and a number of beams (0: without fixes)."""
     kalman, errors, sds = PositionFilter(), [], []
     for second in range(DURATION_S):
-        if second:
-            kalman.predict()
         sd = gnss_sd(case, second)
         if sd is not None:
             kalman.update(turn.inertial[second] + sd * turn.normal[second], sd**2 * np.eye(2))
@@ -143,6 +154,10 @@ def navigate(ground: Terrain, turn: Turn, case: str, beams: int) -> AidedFlight:
             _fix(ground, turn.flight, second, beams, kalman)
         errors.append(turn.inertial[second] - kalman.state[:2])
         sds.append(np.sqrt(np.diag(kalman.cov)[:2]))
+        kalman.predict(0.5)
+        if second % WINDOW_S == WINDOW_S // 2:  # the middle of the window
+            kalman.keep()
+        kalman.predict(0.5)
     return AidedFlight(np.array(errors), np.array(sds))
 
 
@@ -153,12 +168,12 @@ def _fix(ground: Terrain, flight: Flight, second: int, beams: int, kalman: Posit
     residuals of 1125 ranges, and the fix refused.
     """
     samples = slice((second - WINDOW_S) * RATE_HZ, second * RATE_HZ)
-    age_s = second - flight.t[samples, None]
-    correction = age_s * kalman.state[2:] - kalman.state[:2]
+    age_s = second - 0.5 * WINDOW_S - flight.t[samples, None]
+    correction = age_s * kalman.state[2:4] - kalman.state[4:]
     reach_m = max(REACH_SIGMAS * float(np.sqrt(np.diag(kalman.cov)[:2].max())), MIN_REACH_M)
     fix = fix_of(ground, flight.track(beams, samples, correction), reach_m)
     if fix.is_usable:  # the shift is true minus corrected position, the state inertial minus true
-        kalman.update(-correction.mean(axis=0) - fix.shift, fix.cov, second - fix.t)
+        kalman.update(-correction.mean(axis=0) - fix.shift, fix.cov, of_kept=True)
 
 
 def fly_phases(ground: Terrain, rng: Rng) -> dict[str, AidedErrors]:
