@@ -26,7 +26,8 @@ right, z down.
 
 Each beam becomes a ``BeamRange`` named ``beam_1`` to ``beam_n`` in the order of the frame; all of a frame have the same
 stamp.  A ``DeviceStatus`` follows, which is ok without a status bit.  An angle outside of its range makes a beam
-invalid.  Missing sequence numbers are counted as lost; a lower number is a restart of the altimeter.
+invalid; a time beyond 292 years is not used.  Missing sequence numbers are counted as lost; a lower number is a restart
+of the altimeter.
 """
 
 from __future__ import annotations
@@ -63,6 +64,8 @@ VALID, NO_RETURN = 0, 1
 FLAGS = ("self_test", "temperature", "transmitter_off", "failure")
 ANGLE_LSB, MAX_ANGLE = 0.01 * DEGREE, 9000
 RANGE_LSB_M, MAX_RANGE = 1e-3, 2**32 - 1
+#: A later time does not fit into 64 bits of nanoseconds.
+MAX_TIME_US = (2**63 - 1) // 1000
 
 
 class Options(StrictModel):
@@ -119,7 +122,9 @@ class Decoder(FramedDecoder):
             return str(header.message), []
         if header.beams == 0 or len(body) != header.beams * BEAM.size:
             return "ranges_of_other_length", []
-        stamp = Stamp(t_rx_ns, 1000 * header.time_us, TimeScale.BOOT)
+        stamp = Stamp(t_rx_ns)
+        if header.time_us <= MAX_TIME_US:
+            stamp = Stamp(t_rx_ns, 1000 * header.time_us, TimeScale.BOOT)
         beams = (_beam_range(stamp, f"beam_{k}", *fields) for k, fields in enumerate(BEAM.iter_unpack(body), 1))
         flags = tuple(name for bit, name in enumerate(FLAGS) if header.status >> bit & 1)
         return "ranges", [*beams, DeviceStatus(stamp=stamp, ok=header.status == 0, flags=flags)]

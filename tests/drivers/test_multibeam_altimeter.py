@@ -41,6 +41,11 @@ def test_all_beams_of_a_frame_have_its_time_and_the_status_comes_last() -> None:
     assert measurements[-1] == DeviceStatus(stamp=measurements[0].stamp, ok=False, flags=("temperature",))
 
 
+def test_a_time_that_no_clock_has_is_not_used() -> None:
+    measurements = make_decoder(Options()).feed(make_frame(Header(1, 1, 0, 2**64 - 1, 0), bytes(10)), 7)
+    assert [m.stamp for m in measurements] == [Stamp(7)] * 2
+
+
 def test_the_emulated_altimeter_counts_its_frames_and_sends_none_without_beams() -> None:
     assert send(status()) == []
     first, second = send(*beams(1), status(), *beams(1), status())
