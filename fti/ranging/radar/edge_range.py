@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fti.arrays import Array, Mask
-from fti.geodesy.formulas import Vector, rotate
+from fti.geodesy.formulas import Vector, dot
 from fti.geodesy.rotations import rows_of
 from fti.kernel import kernel
 from fti.ranging.radar.baseband import KERNEL_BINS
@@ -39,7 +39,7 @@ from fti.terrain.surface import Posts, surface
 
 #: Smallest first limit, in heights above the ground; growth of a limit; share of the last limit of a pose, in heights,
 #: that is the first one of the next pose.
-_FIRST, _GROWTH, _LESS = 1.3, 1.25, 0.95
+_FIRST, _GROWTH, _LESS = 1.2, 1.15, 0.98
 #: Steps to the cell of a hit; a ray that needs more takes the ray caster.
 _STEPS = 8
 #: Width of a block of ``GroundBounds``, at least a cell [m].
@@ -310,15 +310,17 @@ def _cast(
     rows = rows_of(mat)
     highest, steep_square = _bounds_around(blocks, o[0], o[1], limit)
     clear = o[2] - highest
-    open_power, unknown_power = 0.0, 0.0
+    open_power, far_power, unknown_power = 0.0, 0.0, 0.0
     for k in range(len(model.rays)):
         if rays.ended[k]:
             unknown_power += model.gains[k] / rays.unknown_from[k] ** 2
             continue
-        dx, dy, dz = rotate(rows, (model.rays[k, 0], model.rays[k, 1], model.rays[k, 2]))
+        ray = model.rays[k, 0], model.rays[k, 1], model.rays[k, 2]
+        dz = dot(rows[2], ray)
         if clear > 0.0 and clear + dz * limit > 0.0:
-            open_power += model.gains[k] * (min(dz, 0.0) / clear) ** 2
+            far_power += model.gains[k] * min(dz, 0.0) ** 2
             continue
+        dx, dy = dot(rows[0], ray), dot(rows[1], ray)
         d, outcome, cosine = _cast_one(
             q, blocks, (o[0], o[1], o[2]), (dx, dy, dz), clear, steep_square, rays.hit_up[k], limit
         )
@@ -335,6 +337,8 @@ def _cast(
         else:
             rays.unknown_from[k] = min(d, _way_out(q, (o[0], o[1]), (dx, dy)))
             unknown_power += model.gains[k] / rays.unknown_from[k] ** 2
+    if far_power > 0.0:
+        open_power += far_power / (clear * clear)
     return open_power, unknown_power
 
 
