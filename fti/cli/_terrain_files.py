@@ -56,19 +56,29 @@ def _describe(file: str, key: str, vertical: str) -> dict[str, Any]:
 
 
 def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
-    """Each layer of the terrain with its sigma and the parts of it [m].  Raises ConfigError or MissingError."""
+    """Each layer of the terrain with its sigma and the parts of it [m].  Raises ConfigError or MissingError.
+
+    With ``memory_mb``: of the square around the middle of the finest file, where squares are smallest.
+    """
     settings = config.nav.terrain
-    if settings is None or not settings.files or settings.memory_mb is not None:
+    if settings is None or not settings.files:
         return
-    from fti.terrain.files.catalogue import list_files
+    from fti.terrain.files.catalogue import list_files, read_catalogue
     from fti.terrain.files.file_survey import survey_layers
 
-    centre = settings.centre_deg
+    area = None
+    files, centre, radius_m = list_files(settings.files), None, settings.radius_m
+    if settings.centre_deg:
+        centre = (math.radians(settings.centre_deg[0]), math.radians(settings.centre_deg[1]))
     try:
+        if settings.memory_mb is not None:
+            catalogue = read_catalogue(files, settings.vertical)
+            area = catalogue.area_around(*catalogue.finest.middle, settings.memory_mb, settings.cell_m)
+            files, centre, radius_m = area.files, (area.lat, area.lon), area.radius_m
         layers = survey_layers(
-            list_files(settings.files),
-            centre=(math.radians(centre[0]), math.radians(centre[1])) if centre else None,
-            radius_m=settings.radius_m,
+            files,
+            centre=centre,
+            radius_m=radius_m,
             cell_m=settings.cell_m,
             vertical=settings.vertical,
         )
@@ -82,14 +92,16 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
             "sd_m": settings.sd_m,
             "resampling_rms_m": round(layer.resampling.rms_m, 3),
             "resampling_max_m": round(layer.resampling.max_m, 2),
+            "square_m": None if area is None else 2.0 * area.radius_m,
         }
 
 
 def layer_cells(layer: dict[str, Any]) -> tuple[str, ...]:
     """The sigma of one layer and its parts as text."""
     parts = f"{layer['sd_m']:g} m of the files (sd_m) and {layer['resampling_rms_m']:.2f} m RMS of resampling"
+    square = f"in squares of {layer['square_m'] / 1000:.1f} km, " if layer["square_m"] else ""
     return (
-        f"posts {layer['cell_m']:g} m apart",
+        f"{square}posts {layer['cell_m']:g} m apart",
         f"sigma {layer['sigma_m']:.2f} m: {parts}, {layer['resampling_max_m']:.1f} m at most",
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 #: Value of ``Terrain.source`` where there is no source; ``Layer.origin`` has smaller numbers.
@@ -42,3 +43,9 @@ class ElevationFileInfo:
     west: float
     north: float
     east: float
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Latitude and longitude of the middle of the box [rad]."""
+        width = self.east - self.west + (math.tau if self.east < self.west else 0.0)
+        return (self.south + self.north) / 2.0, math.remainder(self.west + width / 2.0, math.tau)

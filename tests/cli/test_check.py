@@ -205,6 +205,33 @@ def test_elevation_files_are_opened(file: Path, capsys: pytest.CaptureFixture[st
     assert "wgs.tif: is not an elevation file that GDAL can read" in capsys.readouterr().err
 
 
+def test_elevation_that_is_larger_than_memory_is_shown_as_squares(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder of one file of 20 x 20 km with posts of 50 m; half of 16 MiB are 350 000 posts, more than the file has.
+
+    With posts of 1 m the smallest square, 2.2 km, has 4.9 million posts: 224 MiB.  A centre would be another square.
+    """
+    folder = file.parent / "tiles"
+    folder.mkdir()
+    write_ground(folder / "dem.tif", lambda lat, lon: 500.0 + 0.0 * lat * lon, "EPSG:32632", 400, 50.0)
+
+    def with_terrain(more: str) -> None:
+        terrain = f'[nav]\nterrain = {{ files = ["tiles"], vertical = "ellipsoid", memory_mb = 16{more} }}'
+        file.write_text(BENCH.replace("[nav]", terrain, 1))
+
+    with_terrain("")
+    assert main(["check", str(file)]) == 0
+    output = capsys.readouterr().out
+    assert "dem.tif  GTiff" in output and "in squares of 100.0 km, posts 50 m apart" in output
+    with_terrain(", cell_m = 1")
+    assert main(["check", str(file)]) == 2
+    assert "memory_mb = 16: 1.1 km around 47.8" in (errors := capsys.readouterr().err) and "need 224 MiB" in errors
+    with_terrain(", centre_deg = [47.9, 11.8], radius_m = 1000.0")
+    assert main(["check", str(file)]) == 2
+    assert "needs only one of memory_mb and centre_deg with radius_m" in capsys.readouterr().err
+
+
 def test_the_sigma_of_the_terrain_is_shown_with_its_parts(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Ridges from post to post, 4 m high: 4 sqrt(8 / 45) = 1.69 m RMS and 4 m at most by the change of posts.
 

@@ -60,6 +60,11 @@ class TerrainCatalogue:
     vertical: str | None
     local_only: bool = False
 
+    @property
+    def finest(self) -> ElevationFileInfo:
+        """The file with the smallest distance between posts."""
+        return min(self.files, key=lambda file: min(file.spacing_m))
+
     def files_near(self, lat: float, lon: float, radius_m: float) -> tuple[str, ...]:
         """Paths of the files whose box touches the surroundings of a square."""
         return tuple(file.path for file in self.files if _is_near(file, lat, lon, MARGIN * radius_m / EARTH_RADIUS_M))
