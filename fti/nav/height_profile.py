@@ -23,7 +23,7 @@ from fti.nav.altimetry.compensation import Mounting
 from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.filter.estimate import Estimate
 from fti.nav.source_interpolation import AttitudeState
-from fti.nav.terrain_matching.nearest_surface import BeamTrack, nearest_surface
+from fti.nav.terrain_matching.nearest_surface import RadarTrack, nearest_surface
 from fti.nav.terrain_matching.profile import MIN_SAMPLES, Profile
 from fti.nav.terrain_matching.reach import corridor_m, search_area
 from fti.nav.terrain_matching.search import Lattice
@@ -114,7 +114,7 @@ class HeightProfile:
             profile = Profile(t, east, north, up, sds, height_sd)
             return profile, *search_area(terrain, profile, reach_m)
         profile = Profile(t, origins[:, 0], origins[:, 1], origins[:, 2] - ranges, sds, height_sd)
-        track = BeamTrack(origins, axes, self.mounting.half_beam)
+        track = RadarTrack(origins, axes, self.mounting.half_beam)
         window, lattice = search_area(
             terrain,
             profile,

@@ -31,7 +31,7 @@ MAX_OFF_NADIR = math.radians(60.0)
 
 
 @dataclass(frozen=True, eq=False)
-class BeamTrack:
+class RadarTrack:
     """Poses of the sensor along a track, in the frame of the terrain.
 
     origins : ndarray, shape (K, 3) [m]   east, north, up
@@ -58,7 +58,7 @@ class BeamTrack:
         return float(ranges.max()) * math.sin(self.off_nadir)
 
 
-def nearest_surface(window: TerrainWindow, track: BeamTrack, corridor_m: float) -> TerrainWindow:
+def nearest_surface(window: TerrainWindow, track: RadarTrack, corridor_m: float) -> TerrainWindow:
     """The apparent surface on the posts of a window; NaN beyond the corridor, and where the beam may meet a hole.
 
     corridor_m : largest distance of a node from the track, horizontally [m]

@@ -9,7 +9,7 @@ import pytest
 
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
-from fti.nav.terrain_matching.nearest_surface import BeamTrack, nearest_surface
+from fti.nav.terrain_matching.nearest_surface import RadarTrack, nearest_surface
 from fti.nav.terrain_matching.window import TerrainWindow
 from fti.ranging.nearest import NearestReturn
 from fti.ranging.sensor import Poses
@@ -24,12 +24,12 @@ def window(heights: np.ndarray) -> TerrainWindow:
     return TerrainWindow(np.ascontiguousarray(heights), CELL_M, 0.0, 0.0)
 
 
-def beams(up_m: float = UP_M, roll: float = 0.0) -> BeamTrack:
+def beams(up_m: float = UP_M, roll: float = 0.0) -> RadarTrack:
     """Above the middle, to the north."""
     east = np.full(3, MIDDLE_M)
     origins = np.column_stack((east, MIDDLE_M + np.array([-20.0, 0.0, 20.0]), np.full(3, up_m)))
     axis = (MAT_ENU_NED @ mat_from_rpy(roll, 0.0, 0.0))[:, 2]
-    return BeamTrack(origins, np.tile(axis, (3, 1)), HALF_BEAM)
+    return RadarTrack(origins, np.tile(axis, (3, 1)), HALF_BEAM)
 
 
 def middle(surface: TerrainWindow) -> float:
