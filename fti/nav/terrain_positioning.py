@@ -89,7 +89,7 @@ class TerrainPosition:
         self._acquisition = Acquisition(MIN_DRIFT_MPS)
         self._is_search, self._lost, self._refused = True, 0, 0
         self._fix: TerrainFix | None = None
-        self._is_undecided = False
+        self._undecided: TerrainFix | None = None  # until the filter has accepted or refused it
         self._sent_ns = 0
         self._events: list[Event] = []
 
@@ -120,8 +120,8 @@ class TerrainPosition:
                 self._set_mark(t_ns)
             if t_ns - begin_ns >= self._span_ns + LATE_NS:
                 self._finish(profile, t_ns)
-        if self._is_undecided and self._fix is not None:
-            self._see_decision(self._fix, t_ns)
+        if self._undecided is not None:
+            self._see_decision(self._undecided, t_ns)
         out: list[TerrainFix | Event] = [*self._events]
         self._events.clear()
         if t_ns - self._sent_ns >= REPEAT_NS or (self._fix is not None and self._fix.t_ns == t_ns):
@@ -157,7 +157,10 @@ class TerrainPosition:
             samples=len(heights), length=heights.length_m,
         )  # fmt: skip
         is_complete = heights.is_complete(self._span_ns)
-        self._fix = self._use(self._match(heights, fix, mark), fix, mark, ground) if is_complete else fix
+        if is_complete:
+            self._use(self._match(heights, fix, mark), fix, mark, ground)
+        else:
+            self._fix = fix
         self._drop()
 
     def _is_certain(self, estimate: Estimate) -> bool:
@@ -183,8 +186,8 @@ class TerrainPosition:
             position_cov=None if fix.is_search else level_cov,
         )
 
-    def _use(self, found: MatchFix, fix: TerrainFix, mark: _Mark, ground: Ground) -> TerrainFix:
-        """The output of a fix, which aids if nothing refuses it."""
+    def _use(self, found: MatchFix, fix: TerrainFix, mark: _Mark, ground: Ground) -> None:
+        """Let a fix aid if nothing refuses it; it is published after the decision of the filter."""
         self._acquisition.drift_mps = _drift_sd(mark.estimate)
         confirmed = self._acquisition.add(found)
         # a fix that disagrees is for the gate of the filter, and for its copy without satellites
@@ -193,13 +196,13 @@ class TerrainPosition:
             reasons = (Reason.NOT_CONFIRMED,)
         fix = _complete(replace(fix, valid=not reasons, reasons=reasons), found, mark, ground)
         if reasons:
+            self._fix = fix
             self._refuse(fix)
-            return fix
+            return
         if fix.is_search:
             self._report(fix.t_ns, "info", f"three profiles agree to {_larger_sd(fix):.0f} m; it aids the filter")
         self._aided.feed_terrain_fix(fix.t_ns, _aiding(fix, mark))
-        self._is_undecided = True
-        return fix
+        self._undecided = fix
 
     def _refuse(self, fix: TerrainFix) -> None:
         """Count fixes that contradict the filter, and those after which the search begins again."""
@@ -218,9 +221,9 @@ class TerrainPosition:
         state = self._aided.gate_state(TERRAIN_POSITION)
         if state is None or fix.t_ns >= t_ns:
             return
-        self._is_undecided = False
+        self._undecided, self._fix = None, replace(fix, t_ns=t_ns)
         if state.refused_since_ns is not None or state.exclusion.cause is not None:
-            self._fix = replace(fix, valid=False, reasons=(Reason.REJECTED,))
+            self._fix = replace(self._fix, valid=False, reasons=(Reason.REJECTED,))
             self._refuse(self._fix)
             return
         if self.is_contradicting:

@@ -13,6 +13,7 @@ import pytest
 from fti.messages.reasons import Reason
 from fti.nav import terrain_positioning
 from fti.study.ground_flights import GroundCase, GroundRun, Satellites, fly
+from fti.terrain.dem_error import DemError
 
 SEED, NUMBER = 3, 4
 OUTAGE = (Satellites(40.0, 160.0, None),)
@@ -84,8 +85,9 @@ def test_a_displaced_map_is_announced_while_satellites_are_received(north_m: flo
     assert np.median(offsets) == pytest.approx(north_m, abs=8.0)
 
 
-def test_flat_ground_gives_no_position() -> None:
-    flown = run(relief="flat", satellites=OUTAGE)
+@pytest.mark.parametrize("dem_error", [None, DemError(noise_sd=1.0)], ids=["exact map", "map with errors"])
+def test_flat_ground_gives_no_position(dem_error: DemError | None) -> None:
+    flown = run(relief="flat", satellites=OUTAGE, dem_error=dem_error)
     assert not any(each.fix.valid for each in flown.fixes)
     assert Reason.GROUND_FLAT in reasons(flown)
     assert np.all(flown.distance < np.array(flown.hpl))

@@ -28,6 +28,9 @@ MOMENT_SIGMAS, MOMENT_STEPS = 4.0, 17
 MIN_VARIANCE = 0.25
 #: Probability of shifts whose chi-square is unknown, for a linear surface; above, the fix is at the edge.
 MAX_UNKNOWN = 1e-3
+#: The terrain must explain the profile better than level ground does, by so much chi-square: over a level sea the
+#: slopes of a map with errors are those errors.
+MIN_EVIDENCE = 25.0
 #: Another minimum within this distance [sigma] belongs to the same fix.
 SAME_SIGMAS = 5.0
 
@@ -131,7 +134,8 @@ def match(
     odds = [_odds(best, other, cov, scale) * _prior_odds(best, other, position_cov) for _, other in solutions]
     ambiguity = max(odds, default=0.0)
     tests = {
-        Refusal.FLAT: math.sqrt(np.linalg.eigvalsh(cov)[-1]) > limits.max_sd_m,
+        Refusal.FLAT: math.sqrt(np.linalg.eigvalsh(cov)[-1]) > limits.max_sd_m
+        or scale * (_level_chi_square(profile) - best.chi_square) < MIN_EVIDENCE,
         Refusal.AT_EDGE: unknown > MAX_UNKNOWN or _is_at_edge(best.shift, lattice, window.cell_m),
         Refusal.RESIDUAL: best.chi_square > _max_chi_square(len(profile), independent_share, limits.residual_sigmas),
         Refusal.AMBIGUOUS: ambiguity > limits.ambiguity,
@@ -168,6 +172,12 @@ def _post_span(place: Array, lattice: Lattice, centre: int, posts: int) -> Ints:
     reach = lattice.steps * lattice.stride
     first = np.floor(place).astype(np.int64) + centre - reach
     return np.clip([first, first + 2 * reach + 2], 0, posts)
+
+
+def _level_chi_square(profile: Profile) -> float:
+    """Chi-square of level ground of unknown height."""
+    weight = profile.weight
+    return float(weight @ (profile.ground - weight @ profile.ground / weight.sum()) ** 2)
 
 
 def _noise_ratio(chi_square: float, profile: Profile) -> float:
