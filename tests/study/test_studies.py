@@ -24,7 +24,17 @@ from fti.study.triple_buffer.judge import closed_forms
 RUNS = {"device_clock": 5, "triple_buffer": 1}
 #: Studies that take longer: their own tests judge parts of them, and the whole with --scale full.
 LONG = {"approach", "clearance", "compensation", "faults", "filter", "matching", "ranging", "robust_altimeter"}
-LONG |= {"multibeam", "ppsan", "ppsan_aiding", "slant_range", "strapdown", "trajectory", "validity", "wdop"}
+LONG |= {
+    "ground_watch",
+    "multibeam",
+    "ppsan",
+    "ppsan_aiding",
+    "slant_range",
+    "strapdown",
+    "trajectory",
+    "validity",
+    "wdop",
+}
 
 
 def test_every_study_has_its_count_here() -> None:
