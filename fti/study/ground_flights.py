@@ -4,7 +4,7 @@ The sensors are drawn here, without the models of the emulator.  A flight goes r
 with posts of 10 m.
 
     satellites  twice a second; the stated sigma is that of the case, 70 % of its variance lasts for 200 s; velocity to
-                0.1 m/s, correlated over 5 s
+                0.1 m/s, correlated over 5 s, and as much worse as the position where that is degraded
     barometer   twice a second; an offset of 20 m, a drift of 3 m over 1800 s, noise of 0.5 m
     laser       five times a second, along the body's z axis, noise of 0.3 m
     inertial    25 times a second; biases and white noise of the grade, drawn from the filter's own model
@@ -93,6 +93,10 @@ class GroundCase:
         """Horizontal and vertical sigma of the satellites at a time [s]."""
         return next((part.sds for part in self.satellites if part.from_s <= t < part.until_s), self.sds)
 
+    def degradation_at(self, t: float) -> float:
+        """Horizontal sigma of the satellites at a time [s] over the usual one; 1 without satellites."""
+        return (self.sds_at(t) or self.sds)[0] / self.sds[0]
+
 
 @dataclass(frozen=True)
 class FixResult:
@@ -169,6 +173,7 @@ class _Sensors:
         self.fix_truth = self.flight.state(self.fix_t)
         self.offsets = self._offsets(case, rng)
         velocity = np.stack([_slow(rng, self.fix_t, VELOCITY_SD, VELOCITY_S) for _ in range(3)], axis=1)
+        velocity *= np.array([case.degradation_at(float(t)) for t in self.fix_t])[:, None]
         self.velocities = self.fix_truth.vel_n + velocity + self._ramp_rate(case)
         baro = BARO_OFFSET_M * rng.standard_normal() + _slow(rng, self.fix_t, BARO_DRIFT_M, BARO_S)
         self.pressure = self.fix_truth.alt + baro + BARO_NOISE_M * rng.standard_normal(len(self.fix_t))
@@ -287,7 +292,8 @@ def _feed_satellites(aided: AidedNavigation, sensors: _Sensors, case: GroundCase
     alt = float(truth.alt[k]) - down
     aided.feed("gnss", Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=sds[0], vertical_sd=sds[1]), t_ns)
     vel_north, vel_east, vel_down = sensors.velocities[k].tolist()
-    aided.feed("gnss", Velocity(stamp=stamp, north=vel_north, east=vel_east, down=vel_down, sd=VELOCITY_SD), t_ns)
+    sd = VELOCITY_SD * case.degradation_at(t)
+    aided.feed("gnss", Velocity(stamp=stamp, north=vel_north, east=vel_east, down=vel_down, sd=sd), t_ns)
 
 
 def _feed_height(position: TerrainPosition, sensors: _Sensors, k: int) -> None:
