@@ -37,7 +37,7 @@ from fti.messages.reasons import Reason
 
 if TYPE_CHECKING:
     from fti.cli._checked_file import CheckedFile
-    from fti.config import CanLink, Config, Device, SerialLink, UdpLink
+    from fti.config import CanLink, Config, Device, Nav, SerialLink, UdpLink
 
 LIVE_DURATION_S = 5.0
 EXIT_DOES_NOT_HOLD = 1
@@ -165,6 +165,8 @@ def describe(config: Config) -> dict[str, Any]:
             for bound in devices
         ],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
+        "filter": _filter(config.nav),
+        "terrain_position": _terrain_position(config.nav),
         "terrain": terrain,
         "terrain_layers": layers,
         "approach": config.nav.approach.profile if config.nav.approach else None,
@@ -172,6 +174,21 @@ def describe(config: Config) -> dict[str, Any]:
         "warnings": [*_shared_ports(config), *_poor_storage(config), *warnings(config, devices, layers)],
         "hints": list(hints(config)),
     }
+
+
+def _filter(nav: Nav) -> str | None:
+    """The inertial unit of the filter and the devices that aid it; None without a filter."""
+    if nav.filter is None:
+        return None
+    single = (name for name in (nav.filter.airspeed, nav.filter.heading) if name is not None)
+    aids = dict.fromkeys((*nav.filter.gnss, *nav.filter.baro, *nav.filter.altimeters, *single))
+    return f"{nav.filter.imu}, aided by {', '.join(aids) or 'nothing'}"
+
+
+def _terrain_position(nav: Nav) -> str | None:
+    """The altimeter whose profiles give positions, and their duration; None without them."""
+    settings = nav.terrain_position
+    return f"profiles of {settings.altimeter}, {settings.window_s:g} s each, aid the filter" if settings else None
 
 
 def _describe_storage(config: Config) -> list[dict[str, Any]]:

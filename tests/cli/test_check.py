@@ -546,3 +546,31 @@ def test_shipped_configurations_have_no_warning(name: str, capsys: pytest.Captur
     assert main(["check", str(ROOT / "configs" / f"{name}.toml"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["warnings"]
     assert [text.split(":")[0] for text in found] == (["nav.position"] if name == "bench" else [])  # one receiver
+
+
+def test_the_filter_and_the_position_from_the_ground_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(ROOT / "configs" / "terrain_position.toml")]) == 0
+    printed = capsys.readouterr().out
+    assert "filter      ins, aided by receiver, air_data" in printed
+    assert "ground      profiles of altimeter, 15 s each, aid the filter" in printed
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "error"),
+    [
+        ("[nav.filter]\nimu", "[nav.limits]\n#", "nav.terrain_position: needs [nav.filter]"),
+        ('altimeter = "altimeter"', 'altimeter = "laser"', "'laser' is not in nav.altimeters; allowed: altimeter"),
+        ("window_s = 15.0", "window_s = 500.0", "nav.terrain_position.window_s = 500"),
+    ],
+)
+def test_a_wrong_position_from_the_ground_is_one_sentence(
+    before: str, after: str, error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "configs" / "terrain_position.toml").read_text()
+    assert before in text
+    wrong = tmp_path / "wrong.toml"
+    lines = text.replace(before, after).splitlines()
+    of_filter = ('gnss = ["receiver"]', 'baro = "air_data"')
+    wrong.write_text("\n".join(line for line in lines if "limits" not in after or line not in of_filter))
+    assert main(["check", str(wrong)]) == 2
+    assert error in capsys.readouterr().err
