@@ -56,7 +56,7 @@ from fti.nav.filter.error_states import (
     receiver_drifts,
 )
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.innovation_gate import GateState, GateStates
+from fti.nav.filter.innovation_gate import GateStates
 from fti.nav.filter.navigator import InertialNavigator, is_known
 from fti.nav.filter.position_mark import MarkedPosition, PositionMark, mark_drifts
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
@@ -327,15 +327,21 @@ class AidedNavigation:
         """State and covariance of the filter; None while it is not aligned, and where it does not reach."""
         return self._navigator.at(t_ns) if self._navigator.is_aligned else None
 
-    def gate_state(self, name: str) -> GateState | None:
-        """State of the innovation gate for a source; None before its first measurement."""
-        return self._navigator.gate_states.get(name)
+    def is_accepted(self, name: str, t_ns: int) -> bool | None:
+        """Whether the filter has accepted a measurement of a source at t_ns; None before the next inertial sample."""
+        newest_ns = self._navigator.newest_ns
+        if newest_ns is None or newest_ns <= t_ns:
+            return None
+        return (self._last_accepted_ns(name) or 0) >= t_ns
 
     def has_satellites(self, t_ns: int) -> bool:
         """Whether the filter has accepted a position of a receiver within ``SATELLITES_NS``."""
-        states = (self.gate_state(f"{device}.position") for device in self._settings.gnss)
-        accepted = [state.accepted_ns for state in states if state is not None and state.accepted_ns is not None]
-        return bool(accepted) and t_ns - max(accepted) <= SATELLITES_NS
+        accepted = (self._last_accepted_ns(f"{device}.position") for device in self._settings.gnss)
+        return any(accepted_ns is not None and t_ns - accepted_ns <= SATELLITES_NS for accepted_ns in accepted)
+
+    def _last_accepted_ns(self, name: str) -> int | None:
+        state = self._navigator.gate_states.get(name)
+        return None if state is None else state.accepted_ns
 
     def is_excluded(self, altimeter: str) -> bool:
         """Whether the filter excludes an altimeter from aiding."""

@@ -218,11 +218,11 @@ class TerrainPosition:
 
     def _see_decision(self, fix: TerrainFix, t_ns: int) -> None:
         """The filter accepts or refuses a fix with its next inertial sample."""
-        state = self._aided.gate_state(TERRAIN_POSITION)
-        if state is None or fix.t_ns >= t_ns:
+        is_accepted = self._aided.is_accepted(TERRAIN_POSITION, fix.t_ns)
+        if is_accepted is None:
             return
         self._undecided, self._fix = None, replace(fix, t_ns=t_ns)
-        if state.refused_since_ns is not None or state.exclusion.cause is not None:
+        if not is_accepted:
             self._fix = replace(self._fix, valid=False, reasons=(Reason.REJECTED,))
             self._refuse(self._fix)
             return

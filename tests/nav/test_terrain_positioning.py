@@ -9,10 +9,20 @@ import math
 
 import numpy as np
 import pytest
+from msgspec import structs
 
+from fti.config import Altimeter, Device, TerrainPositionTable
+from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.messages.outputs import HeightAboveGround, TerrainFix
 from fti.messages.reasons import Reason
 from fti.nav import terrain_positioning
-from fti.study.ground_flights import GroundCase, GroundRun, Satellites, fly
+from fti.nav.filter.error_states import FilterModel
+from fti.nav.filter.estimate import Estimate
+from fti.nav.navigation import NavState
+from fti.nav.source_interpolation import AttitudeState
+from fti.nav.terrain_positioning import TerrainPosition
+from fti.nav.terrain_reference import Ground
+from fti.study.ground_flights import LAT, LON, GroundCase, GroundRun, Satellites, fly, relief
 from fti.terrain.dem_error import DemError
 
 SEED, NUMBER = 3, 4
@@ -106,3 +116,66 @@ def test_a_ramp_of_the_satellites_is_announced_by_the_ground(speed_mps: float) -
 def test_without_ramp_nothing_is_announced(outage: GroundRun) -> None:
     assert [event.text for _, event in outage.events if event.level == "warning"] == []
     assert not any(math.isnan(error) for each in outage.fixes for error in each.error)
+
+
+class Wanderer:
+    """A filter whose state is anything: it is not aligned at times, jumps, and is more or less certain."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng, self.fed = rng, list[object]()
+
+    def estimate(self, t_ns: int) -> Estimate | None:
+        rng = self._rng
+        if rng.random() < 0.002:
+            return None
+        jump = 1e4 * rng.standard_normal(3) if rng.random() < 0.002 else np.zeros(3)
+        here, there = (ecef_from_geodetic(LAT, LON + 1e-5 * (t_ns / 1e9 + ahead), 400.0) for ahead in (0.0, 1.0))
+        vel = there - here + rng.standard_normal(3)
+        y = np.concatenate((here + jump, vel, [1.0, 0.0, 0.0, 0.0], np.zeros(6)))
+        P = np.diag(10.0 ** rng.uniform(-2.0, 8.0, 15))
+        return Estimate(t_ns, y, P, np.zeros(6), FilterModel())
+
+    def feed_terrain_fix(self, t_ns: int, aiding: object) -> None:
+        self.fed.append(aiding)
+
+    def is_accepted(self, name: str, t_ns: int) -> bool | None:
+        return (True, False, None)[self._rng.integers(3)]
+
+    def has_satellites(self, t_ns: int) -> bool:
+        return bool(self._rng.random() < 0.5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_hostile_heights_raise_nothing_and_no_output_is_infinite(seed: int) -> None:
+    rng = np.random.default_rng([seed, 99])
+    ground = relief("hills", 0)
+    holes = ground.finest.heights.copy()
+    holes[rng.integers(0, len(holes), 400), rng.integers(0, len(holes), 400)] = np.nan
+    kind = rng.choice(["laser", "radar"])
+    altimeter = Altimeter(kind=kind, range_m=(1.0, 3000.0), beam_deg=40.0)
+    devices = {"laser": Device(name="laser", link="l", driver="d", altimeter=altimeter)}
+    table = TerrainPositionTable(altimeter="laser", window_s=5.0)
+    position = TerrainPosition(table, devices, Wanderer(rng))  # type: ignore[arg-type]
+    position.set_terrain(Ground(ground.with_finest(holes), 1.0, "holes"))
+    outputs, matched = 0, 0
+    for k in range(4000):
+        t_ns = k * 20_000_000
+        if k % 10 == 0:
+            raw = None if rng.random() < 0.05 else float(rng.choice([rng.uniform(0.0, 3000.0), 300.0, 1.0]))
+            angles = rng.uniform(-1.5, 1.5, 3) if rng.random() < 0.1 else np.zeros(3)
+            late_ns = int(rng.integers(0, 300_000_000))
+            height = HeightAboveGround(
+                t_ns=t_ns, t_valid_ns=t_ns - late_ns, sensor="laser", raw=raw, height_agl=raw, sd=0.3, valid=True,
+                reasons=(), nearest=raw, nearest_sd=None if rng.random() < 0.1 else 0.3,
+            )  # fmt: skip
+            roll, pitch, heading = angles.tolist()
+            attitude = None if rng.random() < 0.01 else AttitudeState(roll, pitch, heading, 0.001, 0.001)
+            position.feed_height(height, NavState(t_ns, attitude, None, None, None))
+        for output in position.tick(t_ns):
+            outputs += 1
+            if isinstance(output, TerrainFix):
+                numbers = [value for value in structs.asdict(output).values() if isinstance(value, float)]
+                assert all(map(math.isfinite, numbers)), output
+                matched += output.north_sd is not None
+    assert outputs > 150
+    assert matched > 0

@@ -148,6 +148,11 @@ class InertialNavigator:
         return self._timeline.replay_newest().gate_states if self._timeline is not None else {}
 
     @property
+    def newest_ns(self) -> int | None:
+        """Time of the newest inertial sample; None before the first one."""
+        return self._newest_ns
+
+    @property
     def is_aligned(self) -> bool:
         """Whether the initial state was confirmed, and the filter has not restarted since."""
         return self._timeline is not None and not self._unconfirmed

@@ -9,8 +9,8 @@ from fti.nav.terrain_matching.search import Lattice
 from fti.nav.terrain_matching.window import TerrainWindow, cut_window, resample_window
 from fti.terrain.terrain import Terrain
 
-#: Shifts on each side of the centre, and posts of a window: 40 ms and 32 MB.
-MAX_STEPS, MAX_POSTS = 60, 4_000_000
+#: Shifts on each side of the centre, and posts of a window: 40 ms and 8 MB.
+MAX_STEPS, MAX_POSTS = 60, 1_000_000
 #: Posts around the shifted samples, for the refinement and for a drift.
 MARGIN_CELLS = 4
 
