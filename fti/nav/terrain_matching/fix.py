@@ -30,7 +30,7 @@ MIN_VARIANCE = 0.25
 MAX_UNKNOWN = 1e-3
 #: The terrain must explain the profile better than level ground does, by so much chi-square: over a level sea the
 #: slopes of a map with errors are those errors.
-MIN_EVIDENCE = 25.0
+MIN_CHI_SQUARE_REDUCTION = 25.0
 #: Another minimum within this distance [sigma] belongs to the same fix.
 SAME_SIGMAS = 5.0
 
@@ -135,7 +135,7 @@ def match(
     ambiguity = max(odds, default=0.0)
     tests = {
         Refusal.FLAT: math.sqrt(np.linalg.eigvalsh(cov)[-1]) > limits.max_sd_m
-        or scale * (_level_chi_square(profile) - best.chi_square) < MIN_EVIDENCE,
+        or scale * (_level_chi_square(profile) - best.chi_square) < MIN_CHI_SQUARE_REDUCTION,
         Refusal.AT_EDGE: unknown > MAX_UNKNOWN or _is_at_edge(best.shift, lattice, window.cell_m),
         Refusal.RESIDUAL: best.chi_square > _max_chi_square(len(profile), independent_share, limits.residual_sigmas),
         Refusal.AMBIGUOUS: ambiguity > limits.ambiguity,
