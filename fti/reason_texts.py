@@ -59,7 +59,7 @@ REASONS: dict[str, str] = {
     Reason.AMBIGUOUS: "profile fits at several places",
     Reason.TOO_FEW_HEIGHTS: "too few heights",
     Reason.NOT_CONFIRMED: "not confirmed by three fixes",
-    Reason.MAP_UNVERIFIED: "position of the map not verified",
+    Reason.MAP_UNVERIFIED: "map not verified",
     Reason.NO_IMU: "no inertial data",
     Reason.NO_GNSS: "no GNSS",
     Reason.NO_BARO: "no pressure altitude",

@@ -43,16 +43,16 @@ export class Fallbacks {
   }
 }
 
-// The fix of the last profile: its sigma, its distance from the filter, and the age of its position.
+// The fix of the last profile: its sigma and validity; its distance from the filter and its profile in the title.
 function showGround({ sd, validity, root }, output) {
   const { text, kind } = describe(output);
   const hasPlace = output.north_sd != null;
-  const distance = hasPlace ? `${fixed(Math.hypot(output.shift_north, output.shift_east), 0)} m off` : "";
+  const distance = hasPlace ? `${fixed(Math.hypot(output.shift_north, output.shift_east), 0)} m from` : "";
   const words = kind === "valid" ? [output.is_search ? "confirmed" : "valid", ...output.unchecked_text] : [text];
-  setText(sd, hasPlace ? `${plusMinus(Math.max(output.north_sd, output.east_sd), 0)} m, ${distance}` : "");
+  setText(sd, hasPlace ? `${plusMinus(Math.max(output.north_sd, output.east_sd), 0)} m` : "");
   setText(validity, words.join(", "));
   setAttribute(validity, "data-kind", kind);
-  const from = hasPlace ? `${output.samples} heights over ${fixed(output.length, 0)} m; search to ${fixed(output.reach, 0)} m` : text;
+  const from = hasPlace ? `${distance} the filter; ${output.samples} heights over ${fixed(output.length, 0)} m; search to ${fixed(output.reach, 0)} m` : text;
   setAttribute(root, "title", from);
 }
 
