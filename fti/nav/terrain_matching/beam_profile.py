@@ -19,6 +19,7 @@ Source: Spiegel 2018, section 4.6; eq. 2.37 to 2.40 (measured point).
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,14 +89,17 @@ def match_beams(
     limits: MatchLimits | None = None,
     *,
     independent_share: float = 1.0,
+    drift_sd: float = 0.0,
+    position_cov: Array | None = None,
 ) -> MatchFix:
     """The fix of all beams; lattice in cells of the finest layer.  Arguments and errors as of ``match``."""
     level = track.profile()
     shifts_east, shifts_north = lattice.shifts(terrain.finest.cell_m)
     margin_m = float(np.abs([*shifts_east, *shifts_north]).max()) + terrain.finest.cell_m
     window = cut_window(terrain, level, margin_m)
-    first = match(window, level, lattice, limits, independent_share=independent_share)
+    solve = functools.partial(match, independent_share=independent_share, drift_sd=drift_sd, position_cov=position_cov)
+    first = solve(window, level, lattice, limits)
     if not np.isfinite(first.shift).all():
         return first
     sloped = track.profile(terrain, first.shift)
-    return match(window, sloped, lattice, limits, independent_share=independent_share)
+    return solve(window, sloped, lattice, limits)

@@ -36,10 +36,13 @@ def ground() -> Terrain:
     return hills()
 
 
-def fly(number: int, noise: Array | float = 0.0, over: Terrain | None = None) -> BeamTrack:
-    """The track of a sensor with that number of beams, displaced by ``ERROR`` and ``HEIGHT_ERROR``."""
+def fly(number: int, noise: Array | float = 0.0, over: Terrain | None = None, drift: Array | float = 0.0) -> BeamTrack:
+    """The track of a sensor with that number of beams, displaced by ``ERROR`` and ``HEIGHT_ERROR``.
+
+    drift : change of the displacement with time, east, north and up; ``ERROR`` is that of the middle
+    """
     sensor = MultiBeam(Laser(max_range=1000.0), beams_across(number))
-    true = NAVIGATED + np.append(ERROR, -HEIGHT_ERROR)
+    true = NAVIGATED + np.append(ERROR, -HEIGHT_ERROR) + (T - T.mean())[:, None] * drift
     ranges = sensor.measure(over or ground(), Poses.stationary(true, MATS)).slant_range + noise
     return BeamTrack(T, Poses.stationary(NAVIGATED, MATS), sensor.directions_s(), ranges, NOISE_M, 0.0, 5.0)
 
@@ -107,6 +110,19 @@ def test_the_error_reaches_the_cramer_rao_bound(number: int) -> None:
         nees.append(0.5 * off @ np.linalg.solve(fix.cov, off))
     assert 0.7 < math.sqrt(np.mean(over_bound)) <= 1.25
     assert 0.6 <= np.mean(nees) <= 1.25
+
+
+def test_a_drift_of_the_navigated_position_is_estimated_with_all_beams() -> None:
+    drift = np.array([0.8, -0.5, 0.0])
+    noise = NOISE_M * np.random.default_rng(8).standard_normal((SAMPLES, 9))
+    fix = match_beams(ground(), fly(9, noise, drift=drift), LATTICE, drift_sd=1.0)
+    assert fix.shift == pytest.approx(ERROR, abs=0.5)
+    assert fix.drift == pytest.approx(drift[:2], abs=0.15)
+
+
+def test_a_position_that_is_known_better_refuses_the_fix_of_all_beams() -> None:
+    fix = match_beams(ground(), fly(9), LATTICE, position_cov=4.0 * np.eye(2))  # it is 18 m off
+    assert fix.refusals == {Refusal.DISAGREES}
 
 
 def test_more_beams_determine_the_position_better() -> None:
