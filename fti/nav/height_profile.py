@@ -81,7 +81,7 @@ class HeightProfile:
             return True
         if self._t_ns and t_ns - self._t_ns[-1] < PERIOD_NS:
             return True
-        has_jumped = self._last is not None and _jump_m(self._last, estimate) > MAX_JUMP_M
+        has_jumped = self._last is not None and jump_m(self._last, estimate) > MAX_JUMP_M
         if has_jumped:
             self.clear()
         frame, (lat, lon, alt) = self.ground.terrain.frame, estimate.geodetic
@@ -125,7 +125,7 @@ class HeightProfile:
         return profile, nearest_surface(window, track, corridor_m(window, lattice)), lattice
 
 
-def _jump_m(before: Estimate, after: Estimate) -> float:
+def jump_m(before: Estimate, after: Estimate) -> float:
     """Distance of a position from the one before, moved with the mean velocity [m]."""
     seconds = (after.t_ns - before.t_ns) / SECOND_NS
     return float(np.linalg.norm(after.y[:3] - before.y[:3] - 0.5 * seconds * (before.y[3:6] + after.y[3:6])))

@@ -6,7 +6,8 @@ with posts of 10 m.
     satellites  twice a second; the stated sigma is that of the case, 70 % of its variance lasts for 200 s; velocity to
                 0.1 m/s, correlated over 5 s, and as much worse as the position where that is degraded
     barometer   twice a second; an offset of 20 m, a drift of 3 m over 1800 s, noise of 0.5 m
-    laser       five times a second, along the body's z axis, noise of 0.3 m
+    laser       five times a second, along the body's z axis, noise of 0.3 m; a study may give the flight another
+                position from the ground (``MakePosition``)
     inertial    25 times a second; biases and white noise of the grade, drawn from the filter's own model
 """
 
@@ -14,7 +15,9 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -76,6 +79,7 @@ class GroundCase:
     map_sd     : what the configuration states of the map [m];  map_shift : true displacement, east and north [m]
     dem_error  : error of the elevation; None: it is exact;  window_s : duration of a profile; None: no ground aids
     ramp       : error of the satellites: start [s], velocity east [m/s], acceleration of its onset [m/s^2]; None: none
+    ground     : number of the relief; None: another one for every ``RUNS_PER_GROUND`` flights
     """
 
     seconds: float = 300.0
@@ -88,6 +92,7 @@ class GroundCase:
     map_shift: tuple[float, float] = (0.0, 0.0)
     dem_error: DemError | None = None
     ramp: tuple[float, float, float] | None = None
+    ground: int | None = None
 
     def sds_at(self, t: float) -> tuple[float, float] | None:
         """Horizontal and vertical sigma of the satellites at a time [s]."""
@@ -161,11 +166,15 @@ def _slow(rng: Rng, t: Array, sd: float, tau_s: float) -> Array:
     return result
 
 
-class _Sensors:
-    """What is measured on a flight, in time order.  truth : states at the inertial samples"""
+class Sensors:
+    """What is measured on a flight, in time order.
+
+    ground : the true one;  truth : states at the inertial samples
+    height_t, height_truth, ranges : times [s], states and ranges [m] of the laser
+    """
 
     def __init__(self, case: GroundCase, ground: Terrain, rng: Rng) -> None:
-        self.flight = route(ground, case.seconds, rng)
+        self.ground, self.flight = ground, route(ground, case.seconds, rng)
         self.t = np.arange(0.0, case.seconds, STEP_S)
         self.truth = self.flight.state(self.t)
         self.imu = self._inertial(case.unit, rng)
@@ -220,18 +229,56 @@ def _measure(ground: Terrain, state: FlightState) -> Array:
     return Laser(max_range=3000.0).measure(ground, Poses.stationary(origins, mats)).slant_range
 
 
-def _product(case: GroundCase, ground: Terrain, rng: Rng) -> tuple[AidedNavigation, TerrainPosition | None]:
-    """The filter and its position from the ground, with the elevation that it knows."""
+class GroundPosition(Protocol):
+    """A position from the ground that aids the filter of a flight."""
+
+    @property
+    def is_contradicting(self) -> bool:
+        """Whether the last fixes contradict the filter."""
+
+    def feed(self, k: int) -> None:
+        """Take what is measured at the time ``height_t[k]`` of the sensors."""
+
+    def tick(self, t_ns: int) -> Sequence[TerrainFix | Event]:
+        """Mark the position, let a fix aid; outputs."""
+
+
+#: Creates the position from the ground of a flight, with the elevation that it knows and the filter that it aids.
+MakePosition = Callable[[GroundCase, Sensors, Ground, AidedNavigation], GroundPosition]
+
+
+class LaserPosition:
+    """The live position from the ground with the laser along the body's z axis."""
+
+    def __init__(self, case: GroundCase, sensors: Sensors, known: Ground, aided: AidedNavigation) -> None:
+        laser = Altimeter(kind="laser", range_m=(1.0, 3000.0), sd_m=LASER_SD_M)
+        devices = {"laser": Device(name="laser", link="l", driver="d", altimeter=laser)}
+        settings = TerrainPositionTable(altimeter="laser", window_s=case.window_s or 0.0, map_sd_m=case.map_sd)
+        self._sensors, self._position = sensors, TerrainPosition(settings, devices, aided)
+        self._position.set_terrain(known)
+
+    @property
+    def is_contradicting(self) -> bool:
+        """Whether the last fixes contradict the filter."""
+        return self._position.is_contradicting
+
+    def feed(self, k: int) -> None:
+        """Take the range of the time ``height_t[k]`` of the sensors."""
+        _feed_height(self._position, self._sensors, k)
+
+    def tick(self, t_ns: int) -> Sequence[TerrainFix | Event]:
+        """Outputs of the live position."""
+        return self._position.tick(t_ns)
+
+
+def _filter(case: GroundCase) -> AidedNavigation:
     settings = Filter(imu="imu", unit=case.unit, gnss=("gnss",), baro=("baro",))  # type: ignore[arg-type]
-    laser = Altimeter(kind="laser", range_m=(1.0, 3000.0), sd_m=LASER_SD_M)
     devices = {name: Device(name=name, link="l", driver="d") for name in ("imu", "gnss", "baro")}
-    devices["laser"] = Device(name="laser", link="l", driver="d", altimeter=laser)
-    aided = AidedNavigation(settings, devices, case.map_sd if case.window_s else None)
-    if case.window_s is None:
-        return aided, None
-    position = TerrainPosition(
-        TerrainPositionTable(altimeter="laser", window_s=case.window_s, map_sd_m=case.map_sd), devices, aided
-    )
+    return AidedNavigation(settings, devices, case.map_sd if case.window_s else None)
+
+
+def _known_ground(case: GroundCase, ground: Terrain, rng: Rng) -> Ground:
+    """The elevation that the filter knows."""
     layer = ground.finest
     east, north = case.map_shift
     known = Terrain.from_array(
@@ -239,17 +286,15 @@ def _product(case: GroundCase, ground: Terrain, rng: Rng) -> tuple[AidedNavigati
     )
     if case.dem_error is not None:
         known = case.dem_error.apply(known, rng)
-    sd = case.dem_error.noise_sd if case.dem_error else 0.2
-    position.set_terrain(Ground(known, sd, case.relief))
-    return aided, position
+    return Ground(known, case.dem_error.noise_sd if case.dem_error else 0.2, case.relief)
 
 
-def fly(case: GroundCase, seed: int, number: int) -> GroundRun:
+def fly(case: GroundCase, seed: int, number: int, make_position: MakePosition = LaserPosition) -> GroundRun:
     """Flight ``number`` of a seed."""
     rng = np.random.default_rng([seed, number])
-    ground = relief(case.relief, number // RUNS_PER_GROUND)
-    sensors = _Sensors(case, ground, rng)
-    aided, position = _product(case, ground, rng)
+    ground = relief(case.relief, number // RUNS_PER_GROUND if case.ground is None else case.ground)
+    sensors, aided = Sensors(case, ground, rng), _filter(case)
+    position = make_position(case, sensors, _known_ground(case, ground, rng), aided) if case.window_s else None
     run, fixes, heights = GroundRun(), 0, 0
     for k, t in enumerate(sensors.t.tolist()):
         t_ns = round(t * SECOND_NS)
@@ -258,7 +303,7 @@ def fly(case: GroundCase, seed: int, number: int) -> GroundRun:
             _feed_satellites(aided, sensors, case, fixes)
             fixes += 1
         while position and heights < len(sensors.height_t) and sensors.height_t[heights] < t:
-            _feed_height(position, sensors, heights)
+            position.feed(heights)
             heights += 1
         if position:
             for output in position.tick(t_ns):
@@ -271,7 +316,7 @@ def fly(case: GroundCase, seed: int, number: int) -> GroundRun:
     return run
 
 
-def _feed_inertial(aided: AidedNavigation, sensors: _Sensors, k: int, t_ns: int) -> None:
+def _feed_inertial(aided: AidedNavigation, sensors: Sensors, k: int, t_ns: int) -> None:
     stamp, row, truth = Stamp(t_ns), sensors.imu[k].tolist(), sensors.truth
     if sensors.t[k] <= ALIGN_S:
         roll, pitch, heading = float(truth.roll[k]), float(truth.pitch[k]), float(truth.heading[k])
@@ -279,7 +324,7 @@ def _feed_inertial(aided: AidedNavigation, sensors: _Sensors, k: int, t_ns: int)
     aided.feed("imu", ImuSample(stamp=stamp, accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])), t_ns)
 
 
-def _feed_satellites(aided: AidedNavigation, sensors: _Sensors, case: GroundCase, k: int) -> None:
+def _feed_satellites(aided: AidedNavigation, sensors: Sensors, case: GroundCase, k: int) -> None:
     t, truth = float(sensors.fix_t[k]), sensors.fix_truth
     t_ns = round(t * SECOND_NS)
     stamp = Stamp(t_ns)
@@ -296,7 +341,7 @@ def _feed_satellites(aided: AidedNavigation, sensors: _Sensors, case: GroundCase
     aided.feed("gnss", Velocity(stamp=stamp, north=vel_north, east=vel_east, down=vel_down, sd=sd), t_ns)
 
 
-def _feed_height(position: TerrainPosition, sensors: _Sensors, k: int) -> None:
+def _feed_height(position: TerrainPosition, sensors: Sensors, k: int) -> None:
     t_ns, truth, value = round(float(sensors.height_t[k]) * SECOND_NS), sensors.height_truth, float(sensors.ranges[k])
     roll, pitch, heading = (float(getattr(truth, name)[k]) for name in ("roll", "pitch", "heading"))
     nearest = value * math.cos(roll) * math.cos(pitch)
@@ -308,7 +353,7 @@ def _feed_height(position: TerrainPosition, sensors: _Sensors, k: int) -> None:
     position.feed_height(height, NavState(t_ns, attitude, None, "imu", None))
 
 
-def _collect(run: GroundRun, output: TerrainFix | Event, sensors: _Sensors, t: float) -> None:
+def _collect(run: GroundRun, output: TerrainFix | Event, sensors: Sensors, t: float) -> None:
     if isinstance(output, Event):
         run.events.append((t, output))
         return

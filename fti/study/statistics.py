@@ -34,9 +34,9 @@ def pooled_ratio(above: ArrayLike, below: ArrayLike) -> float:
     return float(np.sqrt(np.sum(above) / np.sum(below)))
 
 
-def ratio_interval(above: ArrayLike, below: ArrayLike, rng: Rng) -> tuple[float, float]:
-    """95 % interval of ``pooled_ratio`` by resampling units (bootstrap, percentiles)."""
-    low, high = np.percentile(_resample(above, below, rng), [2.5, 97.5])
+def ratio_interval(above: ArrayLike, below: ArrayLike, rng: Rng, level: float = 0.95) -> tuple[float, float]:
+    """Interval of ``pooled_ratio`` by resampling units (bootstrap, percentiles).  level : its probability"""
+    low, high = np.percentile(_resample(above, below, rng), [50.0 * (1.0 - level), 50.0 * (1.0 + level)])
     return float(low), float(high)
 
 
