@@ -154,13 +154,23 @@ def test_samples_near_holes_are_left_out() -> None:
 
 
 def test_a_fix_whose_uncertainty_reaches_beyond_the_window_is_at_its_edge() -> None:
-    """Hills of 3 m: one sigma is 16 m.  The fix is five cells from the edge, in the middle it is not refused."""
+    """Hills of 3 m: one sigma is 16 m.  The fix is five cells from the edge; ten cells from it, it is not refused."""
     low = Terrain.from_array(0.03 * hills().finest.heights, CELL_M)
-    edge, middle = (
-        fix_of(low, fly(low, (error, 0.0)), limits=MatchLimits(max_sd_m=100.0, ambiguity=1.0)) for error in (130.0, 0.0)
-    )
+    limits = MatchLimits(max_sd_m=100.0, ambiguity=1.0)
+    edge, inside = (fix_of(low, fly(low, (error, 0.0)), limits=limits) for error in (130.0, 100.0))
     assert edge.shift[0] < (STEPS - 4) * CELL_M and edge.refusals == {Refusal.AT_EDGE}
-    assert middle.is_usable
+    assert inside.is_usable
+
+
+@pytest.mark.parametrize(("scale", "chi_square", "refusals"), [(0.03, 10.0, {Refusal.FLAT}), (0.06, 40.0, set())])
+def test_relief_that_level_ground_explains_gives_no_fix(
+    scale: float, chi_square: float, refusals: set[Refusal]
+) -> None:
+    """The chi-square of the heights about their mean is at least 25, or the fix is refused with any sigma."""
+    low = Terrain.from_array(scale * hills().finest.heights, CELL_M)
+    profile = fly(low)
+    assert len(profile) * np.var(profile.ground) == pytest.approx(chi_square, rel=0.03)
+    assert fix_of(low, profile, limits=MatchLimits(max_sd_m=100.0, ambiguity=1.0)).refusals == refusals
 
 
 def test_a_map_that_is_off_is_refused_by_a_good_position() -> None:
