@@ -9,11 +9,12 @@ navigated height by 5 m (one sigma); neither drifts within the fix.
     1  raw       ranges as heights above ground, +-50 m at 5 m
     2  valid     the same, samples that the rules of validity accept (table 7.20)
     3  attitude  ranges times the cosine of the tilt, accepted by the same rules without the limits of roll and pitch
-    4  closed    predicted-range maps: one over +-50 m, one over +-15 m around its fix (section 4.5)
+    4  closed    predicted-range maps: one over +-50 m, one over +-15 m around its fix (section 4.5), without samples
+                 that deviate by more than 10 m from the model there
 
 All of them take the shift with the largest likelihood, not the smallest printed metric.  The exact search continues
-from method 4 with the model at each sample and shift, on grids down to 0.2 m, without samples that deviate by more than
-10 m.
+from method 4 with the model at each sample and shift, on grids down to 0.2 m.  It begins at several shifts, until the
+residuals are the noise of the altimeter.
 
     T15.inside         exact search with the beam and the elevation of the truth, labelled: the model inverts itself.
                        Error <= 1 m horizontally and <= 0.2 m vertically in >= 95 % of the fixes, lower 95 % bound
@@ -24,8 +25,6 @@ from method 4 with the model at each sample and shift, on grids down to 0.2 m, w
                        fix has its largest error, the corner of its grid
     T15.elevation.*    method 4 on the same measurements, elevation with an error of 1.5 m that is correlated over 30 m
                        and 300 m: reported
-    T15.exact.*        exact search with the independent beam: reported.  The rays of the model are a comb, so that
-                       its likelihood is rough on small grids; a map is the mean over nodes
 """
 
 from __future__ import annotations

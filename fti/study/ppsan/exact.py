@@ -2,7 +2,7 @@
 
     FootprintMetric   the literal form of the source, mean absolute residual of heights at the footprint (eq. 4.28)
     ExactLikelihood   chi-square of differences of ranges
-    search_grids      minimum on grids that become finer
+    best_shifts, search_grids   smallest values on a grid, and on grids that become finer
 
 The map (``fti.nav.terrain_matching.apparent_surface``) evaluates the model once for each node instead.
 Source: Spiegel 2018, section 4.5; eq. 4.29 corrected in docs/errata.md.
@@ -81,14 +81,25 @@ class ExactLikelihood:
         return float(-(self.residuals(shift[None])[0] @ profile.weight) / profile.total_weight)
 
 
+def best_shifts(chi_square: Callable[[Array], Array], steps: int, size_m: float, count: int) -> Array:
+    """The shifts (count, 2) of a square grid around 0 with the smallest values, the smallest first.
+
+    steps : on each side of the centre;  size_m : of a step [m]
+    """
+    axis = size_m * np.arange(-steps, steps + 1)
+    shifts = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    return shifts[np.argsort(chi_square(shifts), kind="stable")[:count]]  # NaN is last
+
+
 def search_grids(chi_square: Callable[[Array], Array], centre: Array, grids: Sequence[tuple[int, float]]) -> Array:
     """The smallest value on square grids, each around that of the one before.
 
     grids : steps on each side of the centre, and their size [m]
     """
     for steps, size_m in grids:
-        axis = size_m * np.arange(-steps, steps + 1)
-        shifts = centre + np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-        found = chi_square(shifts)
-        centre = shifts[np.where(np.isnan(found), np.inf, found).argmin()]
+        centre = centre + best_shifts(_from(chi_square, centre), steps, size_m, 1)[0]
     return centre
+
+
+def _from(chi_square: Callable[[Array], Array], centre: Array) -> Callable[[Array], Array]:
+    return lambda shifts: chi_square(centre + shifts)

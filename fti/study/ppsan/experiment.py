@@ -23,7 +23,7 @@ from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.sensor import Poses
-from fti.study.ppsan.exact import ExactLikelihood, search_grids
+from fti.study.ppsan.exact import ExactLikelihood, best_shifts, search_grids
 from fti.terrain.dem_error import DemError
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
@@ -42,8 +42,11 @@ MODEL_ORDER, TRUTH_ORDER = 20, 40
 REACH_M, STEP_M, HALF_POWER_DEG = 50.0, 5.0, 15.0
 #: Nodes of the maps [m], posts around the shifted samples [m], largest shifts in each map [m].
 NODE_M, MARGIN_M, MAP_REACHES_M = 6.0, 1.0, (50, 15)
-#: Exact search: steps on each side and their size [m].
-GRIDS = ((3, 2.0), (3, 0.6), (3, 0.2))
+#: Share of the samples that are enough without those that deviate.
+MIN_KEPT = 0.5
+#: Exact search: steps on each side of the first grid and their size [m], its best shifts from which the search begins,
+#: the grids that follow, and the RMS of the residuals over the noise of the altimeter that ends it.
+FIRST_GRID, STARTS, GRIDS, MAX_NOISE_RATIO = (5, 2.0), 8, ((3, 0.6), (3, 0.2), (3, 0.2)), 2.0
 METHODS = ("raw", "valid", "attitude", "closed")
 
 
@@ -60,13 +63,11 @@ class FixRun:
 
     inverted  : exact search with the beam and the elevation of the truth
     methods   : by name, with an independent beam; None without a fix
-    exact     : exact search with an independent beam
     elevation : method 4 with an independent beam and elevation with errors
     """
 
     inverted: PositionError
     methods: dict[str, PositionError | None]
-    exact: PositionError
     elevation: PositionError
 
 
@@ -134,12 +135,10 @@ def fly(seed: int) -> FixRun:
     track = draw_track(ground, rng)
     truth = RadarAltimeter(antenna=NARROW, order=TRUTH_ORDER, turn=random_turn(rng))
     same, other = track.measure(ground, model(), rng), track.measure(ground, truth, rng)
-    moves, moved = fix_by_maps(other, ground)
     methods = {name: grid_fix(track, other, ground, name) for name in METHODS[:3]}
     return FixRun(
         inverted=track.error_of(refine_exactly(*fix_by_maps(same, ground), ground)),
-        methods={**methods, METHODS[3]: track.error_of(moves)},
-        exact=track.error_of(refine_exactly(moves, moved, ground)),
+        methods={**methods, METHODS[3]: track.error_of(fix_by_maps(other, ground)[0])},
         elevation=track.error_of(fix_by_maps(other, DEM_ERROR.apply(ground, rng))[0]),
     )
 
@@ -195,19 +194,39 @@ def fix_by_maps(measured: RangeTrack, ground: Terrain) -> tuple[Array, RangeTrac
         if np.isfinite(fix.shift).all():
             step = np.append(fix.shift, fix.up)
             moves, moved = moves + step, move(moved, step)
+        moved = without_deviating(moved, ground)
     return moves, moved
 
 
+def without_deviating(measured: RangeTrack, ground: Terrain) -> RangeTrack:
+    """The samples that deviate from the model by no more than the rules of validity allow; all if few are left."""
+    residuals = ExactLikelihood(model(), ground, measured).residuals(np.zeros((1, 2)))[0]
+    kept = np.abs(residuals - np.nanmedian(residuals)) <= DEVIATION_M["radar"]
+    return select(measured, kept) if np.count_nonzero(kept) >= MIN_KEPT * len(kept) else measured
+
+
 def refine_exactly(moves: Array, moved: RangeTrack, ground: Terrain) -> Array:
-    """The fix with the model at each sample and shift, from that of ``fix_by_maps`` on."""
-    residuals = ExactLikelihood(model(), ground, moved).residuals(np.zeros((1, 2)))[0]
-    moved = select(moved, np.abs(residuals - np.nanmedian(residuals)) <= DEVIATION_M["radar"])
-    for grid in GRIDS:
-        exact = ExactLikelihood(model(), ground, moved)
-        shift = search_grids(exact.chi_square, np.zeros(2), [grid])
-        step = np.append(shift, exact.up(shift))
-        moves, moved = moves + step, move(moved, step)
-    return moves
+    """The fix with the model at each sample and shift, from that of ``fix_by_maps`` on.
+
+    The likelihood has many minima: the search begins at the best shifts of the first grid, one after the other, until
+    the residuals are the noise of the altimeter.
+    """
+    exact = ExactLikelihood(model(), ground, moved)
+    best, smallest = moves, math.inf
+    for start in best_shifts(exact.chi_square, *FIRST_GRID, STARTS):
+        step = np.append(start, exact.up(start))
+        found, at = moves + step, move(moved, step)
+        for grid in GRIDS:
+            here = ExactLikelihood(model(), ground, at)
+            shift = search_grids(here.chi_square, np.zeros(2), [grid])
+            step = np.append(shift, here.up(shift))
+            found, at = found + step, move(at, step)
+        chi_square = float(ExactLikelihood(model(), ground, at).chi_square(np.zeros((1, 2)))[0])
+        if chi_square < smallest:
+            best, smallest = found, chi_square
+        if RANGE_SD_M * math.sqrt(chi_square / len(at.t)) <= MAX_NOISE_RATIO * NOISE_M:
+            break
+    return best
 
 
 def range_map(measured: RangeTrack, ground: Terrain, reach_m: int) -> TerrainWindow:

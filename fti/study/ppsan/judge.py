@@ -77,7 +77,6 @@ def _other_methods(runs: Sequence[FixRun]) -> list[StudyResult]:
 def _reported(runs: Sequence[FixRun]) -> list[StudyResult]:
     cases = {
         "elevation": ([run.elevation for run in runs], "independent beam, elevation error of 1.5 m, method 4"),
-        "exact": ([run.exact for run in runs], "independent beam, exact search"),
     }
     results = []
     for name, (errors, words) in cases.items():
