@@ -51,6 +51,15 @@ def test_the_flights_over_one_ground_are_one_unit_of_the_interval() -> None:
     assert len(rows) == len(judge.judge_runs(runs))
 
 
+def test_a_time_without_a_valid_position_has_an_infinite_error() -> None:
+    """A MEMS unit with the barometer alone has no valid position after 400 s without satellites."""
+    whole = track(2.0, 1.0, 3.0)
+    valid = (T < 600.0) | (T > 760.0)
+    found = Track(T[valid], whole.distance[valid], whole.sd[valid], whole.ratio[valid])
+    assert found.at(350.0) == pytest.approx(2.0 * np.sqrt(2.0))
+    assert found.at(750.0) == np.inf
+
+
 def test_a_short_outage_orders_the_aids(monkeypatch: pytest.MonkeyPatch) -> None:
     """40 s with satellites, 110 s without: the inertial error grows, that of one beam and of nine does not."""
     outage = (40.0, 150.0)

@@ -34,7 +34,7 @@ HOUR_S, HOUR_FROM_S = 3600.0, 60.0
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Of the filter, every second.
+    """Of the filter, every second while its position is valid.
 
     t : (n,) [s];  distance, sd : horizontal error and its sigma, both axes together (n,) [m]
     ratio : error over sigma, north and east (n, 2)
@@ -59,8 +59,9 @@ class Track:
         return float(np.sqrt(np.mean(self.distance[self.inside(from_s, until_s)] ** 2)))
 
     def at(self, t: float) -> float:
-        """Horizontal error at a time [m]."""
-        return float(self.distance[np.searchsorted(self.t, t)])
+        """Horizontal error at a time [m]; infinite where the filter has no valid position within a second."""
+        nearest = int(np.argmin(np.abs(self.t - t)))
+        return float(self.distance[nearest]) if abs(self.t[nearest] - t) <= 1.0 else np.inf
 
 
 #: The tracks of one run by unit and aid.
