@@ -96,6 +96,7 @@ class _Blocks(NamedTuple):
     north0: float
     size: float
     per_size: float
+    per_cell: float
     rows: int
     columns: int
     highest: int
@@ -183,7 +184,8 @@ def edge_ranges(p: Pyramid, bounds: GroundBounds, origins: Array, mats: Array, v
     q, n = p.addresses, len(model.rays)
     rows, columns = bounds.highest.shape
     highest, steep_square = bounds.highest.ctypes.data, bounds.steep_square.ctypes.data
-    blocks = _Blocks(bounds.east0, bounds.north0, bounds.size, 1.0 / bounds.size, rows, columns, highest, steep_square)
+    per_cell, per_size = 1.0 / layers_at(q)[0].cell, 1.0 / bounds.size
+    blocks = _Blocks(bounds.east0, bounds.north0, bounds.size, per_size, per_cell, rows, columns, highest, steep_square)
     posts = Posts(heights_at(q), layers_at(q))
     rays = _Rays(np.empty(n), np.empty(n), np.empty(n, np.bool_), np.zeros(n), np.empty(n, np.bool_), np.empty(n))
     spectra, found, first = np.empty((3, model.n_bin + model.table.shape[1])), np.empty(len(origins)), _FIRST
@@ -378,7 +380,7 @@ def _cast_one(
     layer, heights = layers_at(q)[0], heights_at(q)
     d, outcome, to_east, to_north = math.nan, _NOTHING, 0.0, 0.0
     if dz < 0.0 < clear:
-        per_dz, per_cell = 1.0 / dz, 1.0 / layer.cell
+        per_dz, per_cell = 1.0 / dz, blocks.per_cell
         at = (o[0] - layer.east0) * per_cell, (o[1] - layer.north0) * per_cell, o[2]
         way = dx * per_cell, dy * per_cell, dz
         d, to_east, to_north = _meet(heights, layer, at, way, min((hit_up - o[2]) * per_dz, limit), limit)
@@ -391,7 +393,9 @@ def _cast_one(
         d, outcome = first_event(q, o[0], o[1], o[2], dx, dy, dz, limit)
         if outcome == _HIT:
             _, to_east, to_north = surface(Posts(heights, layers_at(q)), o[0] + d * dx, o[1] + d * dy)
-    cosine = (dx * to_east + dy * to_north - dz) / math.sqrt(1.0 + to_east * to_east + to_north * to_north)
+    cosine = 0.0
+    if outcome == _HIT:
+        cosine = (dx * to_east + dy * to_north - dz) / math.sqrt(1.0 + to_east * to_east + to_north * to_north)
     return d, outcome, cosine
 
 
