@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec.structs import replace
 
+from fti.arrays import Array
 from fti.config import Device, TerrainPositionTable
 from fti.constants import SECOND_NS
 from fti.geodesy.formulas import metres_per_radian
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from fti.nav.filter.estimate import Estimate
     from fti.nav.inertial_aiding import AidedNavigation
     from fti.nav.navigation import NavState
+    from fti.terrain.terrain import Terrain
 
 #: Sigmas of the position that a search reaches, without and with a certain position; its limits [m].
 SEARCH_SIGMAS, TRACK_SIGMAS = 5.0, 4.0
@@ -146,18 +148,18 @@ class TerrainPosition:
 
     def _finish(self, heights: HeightProfile, t_ns: int) -> None:
         """Match a profile, let its fix aid, and begin the next profile."""
-        mark, ground, begin_ns = self._mark, heights.ground, heights.begin_ns
-        if mark is None or begin_ns is None:
+        mark, ground = self._mark, heights.ground
+        if mark is None:
             self._drop()
             return
         is_search = self._is_search and not self._is_certain(mark.estimate)
         fix = TerrainFix(
             t_ns=t_ns, t_valid_ns=mark.estimate.t_ns, valid=False, reasons=(Reason.TOO_FEW_HEIGHTS,),
-            is_search=is_search, map_sd=self._settings.map_sd_m, reach=self._reach(mark.estimate, is_search),
+            is_search=is_search, map_sd=self._settings.map_sd_m,
+            reach=reach_m(mark.estimate, self._settings.map_sd_m, SEARCH_SIGMAS if is_search else TRACK_SIGMAS),
             samples=len(heights), length=heights.length_m,
         )  # fmt: skip
-        is_complete = heights.is_complete(self._span_ns)
-        if is_complete:
+        if heights.is_complete(self._span_ns):
             self._use(self._match(heights, fix, mark), fix, mark, ground)
         else:
             self._fix = fix
@@ -167,28 +169,22 @@ class TerrainPosition:
         """Whether satellites determine a position well enough to need no search."""
         return self._aided.has_satellites(estimate.t_ns) and largest_sd(estimate.cov_n[:2, :2]) <= CERTAIN_SD_M
 
-    def _reach(self, estimate: Estimate, is_search: bool) -> float:
-        """How far to search from a position [m]."""
-        level_sd = math.hypot(largest_sd(estimate.cov_n[:2, :2]), self._settings.map_sd_m)
-        return min(max((SEARCH_SIGMAS if is_search else TRACK_SIGMAS) * level_sd, MIN_REACH_M), MAX_REACH_M)
-
     def _match(self, heights: HeightProfile, fix: TerrainFix, mark: _Mark) -> MatchFix:
         """The fix of a profile, with the position's drift, and unless it searches its covariance, as priors."""
         profile, window, lattice = heights.search_area(float(mark.estimate.sd_n[2]), fix.reach or MIN_REACH_M)
-        level_cov = mark.estimate.cov_n[1::-1, 1::-1] + self._settings.map_sd_m**2 * np.eye(2)  # east, north
         return match(
             window,
             profile,
             lattice,
             self._limits,
-            independent_share=min(max(fix.length or 0.0, 1.0) / len(heights) / CORRELATED_M, 1.0),
-            drift_sd=_drift_sd(mark.estimate),
-            position_cov=None if fix.is_search else level_cov,
+            independent_share=independent_share(heights.length_m, len(heights), CORRELATED_M),
+            drift_sd=drift_sd(mark.estimate),
+            position_cov=None if fix.is_search else level_cov(mark.estimate, self._settings.map_sd_m),
         )
 
     def _use(self, found: MatchFix, fix: TerrainFix, mark: _Mark, ground: Ground) -> None:
         """Let a fix aid if nothing refuses it; it is published after the decision of the filter."""
-        self._acquisition.drift_mps = _drift_sd(mark.estimate)
+        self._acquisition.drift_mps = drift_sd(mark.estimate)
         confirmed = self._acquisition.add(found)
         # a fix that disagrees is for the gate of the filter, and for its copy without satellites
         reasons = tuple(REASON_OF[refusal] for refusal in sorted(found.refusals - {Refusal.DISAGREES}))
@@ -254,9 +250,36 @@ def _contradiction(fix: TerrainFix) -> str:
     return f"{CONTRADICTION_COUNT} profiles lie {place}; the map or the position is wrong, it is not known which"
 
 
-def _drift_sd(estimate: Estimate) -> float:
+def reach_m(estimate: Estimate, map_sd: float, sigmas: float) -> float:
+    """How far to search from a position [m].  map_sd : of the map, each axis [m];  sigmas : of both together"""
+    level_sd = math.hypot(largest_sd(estimate.cov_n[:2, :2]), map_sd)
+    return min(max(sigmas * level_sd, MIN_REACH_M), MAX_REACH_M)
+
+
+def level_cov(estimate: Estimate, map_sd: float) -> Array:
+    """Covariance of a position against the map, east and north, shape (2, 2) [m^2]."""
+    return np.asarray(estimate.cov_n[1::-1, 1::-1] + map_sd**2 * np.eye(2))
+
+
+def drift_sd(estimate: Estimate) -> float:
     """One sigma of the horizontal velocity [m/s]."""
     return max(float(estimate.sd_n[3:5].max()), MIN_DRIFT_MPS)
+
+
+def independent_share(length_m: float, samples: int, correlated_m: float) -> float:
+    """Number of independent errors of elevation over the number of samples.
+
+    length_m : of the profile [m];  correlated_m : distance of samples whose errors are independent [m]
+    """
+    return min(max(length_m, 1.0) / samples / correlated_m, 1.0)
+
+
+def place_of(found: MatchFix, marked: Estimate, terrain: Terrain) -> tuple[float, float]:
+    """Latitude and longitude [rad] of a match at the time of a marked position."""
+    point = terrain.frame.to_local(*marked.geodetic)
+    point[:2] += found.shift + found.drift * (marked.t_ns / SECOND_NS - found.t)
+    lat, lon, _ = terrain.frame.to_geodetic(point)
+    return float(lat), float(lon)
 
 
 def _larger_sd(fix: TerrainFix) -> float:
@@ -275,9 +298,7 @@ def _complete(fix: TerrainFix, found: MatchFix, mark: _Mark, ground: Ground) -> 
     if not math.isfinite(found.shift[0]):
         return fix
     lat, lon, alt = mark.estimate.geodetic
-    point = ground.terrain.frame.to_local(lat, lon, alt)
-    point[:2] += found.shift + found.drift * (mark.estimate.t_ns / SECOND_NS - found.t)
-    at_lat, at_lon, _ = map(float, ground.terrain.frame.to_geodetic(point))
+    at_lat, at_lon = place_of(found, mark.estimate, ground.terrain)
     per_lat, per_lon = metres_per_radian(lat, alt)
     east_sd, north_sd = math.sqrt(found.cov[0, 0]), math.sqrt(found.cov[1, 1])
     return replace(

@@ -58,6 +58,8 @@ BARO_OFFSET_M, BARO_DRIFT_M, BARO_S, BARO_NOISE_M, LASER_SD_M = 20.0, 3.0, 1800.
 #: Time of the alignment, with satellites and a known attitude [s].
 ALIGN_S = 1.0
 
+LASER = Laser(max_range=3000.0)
+
 
 @dataclass(frozen=True)
 class Satellites:
@@ -121,6 +123,11 @@ class GroundRun:
     hpl: list[float] = field(default_factory=list)
     fixes: list[FixResult] = field(default_factory=list)
     events: list[tuple[float, Event]] = field(default_factory=list)
+
+    @property
+    def sd(self) -> Array:
+        """One sigma north and east, shape (n, 2) [m]."""
+        return np.asarray(np.sqrt([np.diag(cov) for cov in self.cov]))
 
     @property
     def distance(self) -> Array:
@@ -188,7 +195,8 @@ class Sensors:
         self.pressure = self.fix_truth.alt + baro + BARO_NOISE_M * rng.standard_normal(len(self.fix_t))
         self.height_t = np.arange(HEIGHT_S, case.seconds - 2.0 * STEP_S, HEIGHT_S) + 0.021
         self.height_truth = self.flight.state(self.height_t)
-        self.ranges = _measure(ground, self.height_truth) + LASER_SD_M * rng.standard_normal(len(self.height_t))
+        exact = LASER.measure(ground, poses_of(ground, self.height_truth)).slant_range
+        self.ranges = exact + LASER_SD_M * rng.standard_normal(len(self.height_t))
 
     def _inertial(self, unit: str, rng: Rng) -> Array:
         model, rows = IMU_ERROR_MODELS[unit], len(self.t)
@@ -221,12 +229,12 @@ class Sensors:
         return rate
 
 
-def _measure(ground: Terrain, state: FlightState) -> Array:
-    """Ranges along the body's z axis [m]."""
+def poses_of(ground: Terrain, state: FlightState) -> Poses:
+    """Poses of a sensor at P, along the body's axes, in the frame of a terrain."""
     frame = ground.frame
     origins = frame.to_local(state.lat, state.lon, state.alt)
     mats = frame.mat_ln(state.lat, state.lon) @ mat_from_rpy(state.roll, state.pitch, state.heading)
-    return Laser(max_range=3000.0).measure(ground, Poses.stationary(origins, mats)).slant_range
+    return Poses.stationary(origins, mats)
 
 
 class GroundPosition(Protocol):
@@ -251,7 +259,7 @@ class LaserPosition:
     """The live position from the ground with the laser along the body's z axis."""
 
     def __init__(self, case: GroundCase, sensors: Sensors, known: Ground, aided: AidedNavigation) -> None:
-        laser = Altimeter(kind="laser", range_m=(1.0, 3000.0), sd_m=LASER_SD_M)
+        laser = Altimeter(kind="laser", range_m=(1.0, LASER.max_range), sd_m=LASER_SD_M)
         devices = {"laser": Device(name="laser", link="l", driver="d", altimeter=laser)}
         settings = TerrainPositionTable(altimeter="laser", window_s=case.window_s or 0.0, map_sd_m=case.map_sd)
         self._sensors, self._position = sensors, TerrainPosition(settings, devices, aided)

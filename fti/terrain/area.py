@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fti.geodesy.formulas import metres_per_radian
+from fti.geodesy.formulas import metres_per_radian, wrap_half_turn
 
 #: Distance from the middle at which the next square is needed, and of its middle ahead on the track [half sides].
 LEAVE_SHARE, AHEAD_SHARE = 0.5, 1.0 / 3.0
@@ -34,12 +34,10 @@ class TerrainArea:
         speed = math.hypot(vel_north, vel_east)
         ahead_s = min(AHEAD_S, AHEAD_SHARE * self.radius_m / max(speed, 1e-3))
         per_lat, per_lon = metres_per_radian(lat, 0.0)
-        east = lon + ahead_s * vel_east / per_lon
-        return lat + ahead_s * vel_north / per_lat, (east + math.pi) % math.tau - math.pi
+        return lat + ahead_s * vel_north / per_lat, wrap_half_turn(lon + ahead_s * vel_east / per_lon)
 
 
 def _offset(lat0: float, lon0: float, lat: float, lon: float) -> tuple[float, float]:
     """North and east of a point from another one [m]."""
     per_lat, per_lon = metres_per_radian(lat0, 0.0)
-    turned = (lon - lon0 + math.pi) % math.tau - math.pi
-    return (lat - lat0) * per_lat, turned * per_lon
+    return (lat - lat0) * per_lat, wrap_half_turn(lon - lon0) * per_lon

@@ -67,7 +67,7 @@ class LastingErrors:
     corrects_own_states_only = False
 
 
-class _NoOwnStates(LastingErrors):
+class NoOwnStates(LastingErrors):
     """A source without states of its own."""
 
     __slots__ = ()
@@ -79,7 +79,7 @@ BOTH, NO_AXES = HORIZONTAL | VERTICAL, frozenset[str]()
 
 
 @dataclass(frozen=True, slots=True)
-class GnssPosition(_NoOwnStates):
+class GnssPosition(NoOwnStates):
     """Position of an antenna: lat, lon [rad], alt above the ellipsoid [m] or None; one sigma of each axis [m].
 
     lever_arm_b   : P to the antenna [m]
@@ -118,7 +118,7 @@ class GnssPosition(_NoOwnStates):
 
 
 @dataclass(frozen=True, slots=True)
-class GnssHeight(_NoOwnStates):
+class GnssHeight(NoOwnStates):
     """The height of a position that has one."""
 
     position: GnssPosition
@@ -136,7 +136,7 @@ class GnssHeight(_NoOwnStates):
 
 
 @dataclass(frozen=True, slots=True)
-class GnssVelocity(_NoOwnStates):
+class GnssVelocity(NoOwnStates):
     """Velocity of an antenna, north, east, down [m/s], down may be None; one sigma of each [m/s]."""
 
     north: float

@@ -19,7 +19,7 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.geodesy.formulas import Vector, ecef_from_geodetic
-from fti.nav.filter.aiding import HORIZONTAL, NO_AXES, LastingErrors, enter_drift
+from fti.nav.filter.aiding import HORIZONTAL, NO_AXES, NoOwnStates, enter_drift
 from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.error_states import Drift, Extra
 from fti.nav.filter.estimate import Estimate
@@ -42,7 +42,7 @@ def mark_drifts(map_sd_m: float) -> dict[str, Drift]:
 
 
 @dataclass(frozen=True, slots=True)
-class PositionMark(LastingErrors):
+class PositionMark(NoOwnStates):
     """Copies the position at its time into the states of the mark.
 
     lat, lon [rad], alt above the ellipsoid [m] : the reference point
@@ -53,7 +53,6 @@ class PositionMark(LastingErrors):
     alt: float
     name: str = "terrain.mark"
     bounds = NO_AXES
-    own_states: tuple[str, ...] = ()
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """No measurement."""
@@ -71,7 +70,7 @@ class PositionMark(LastingErrors):
 
 
 @dataclass(frozen=True, slots=True)
-class MarkedPosition(LastingErrors):
+class MarkedPosition(NoOwnStates):
     """A horizontal position at the time of the mark, known now.
 
     mark  : the mark;  lat, lon : measured position at its time [rad]
@@ -84,7 +83,6 @@ class MarkedPosition(LastingErrors):
     cov_n: Vector
     name: str = TERRAIN_POSITION
     bounds = HORIZONTAL
-    own_states: tuple[str, ...] = ()
 
     @property
     def is_conceivable(self) -> bool:

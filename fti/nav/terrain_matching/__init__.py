@@ -5,7 +5,10 @@
     search         chi-square of the profile for every shift of a lattice; five-point search
     likelihood     chi-square at any shift, with its derivatives
     fix            the shift with the smallest chi-square, its covariance, and why it may be refused
+    reach          window and lattice of a search up to a distance
     apparent_surface  the ground as a banked altimeter with a beam sees it, as a window
+    nearest_surface   the same for the nearest return of a radar, from posts
+    selection      the samples that contain most information
     beam_profile   the ranges of an altimeter with several beams as one profile
     beam_choice    which beam to measure with next: switching and steering by forecast
     acquisition    three independent fixes that agree

@@ -15,6 +15,13 @@ MAX_STEPS, MAX_POSTS = 60, 1_000_000
 MARGIN_CELLS = 4
 
 
+def lattice_within(reach_m: float, cell_m: float) -> Lattice:
+    """The shifts up to ``reach_m`` to each side, with a stride where they are many."""
+    cells = math.ceil(reach_m / cell_m)
+    stride = math.ceil(cells / MAX_STEPS)
+    return Lattice(math.ceil(cells / stride), stride)
+
+
 def search_area(
     terrain: Terrain, profile: Profile, reach_m: float, *, margin_m: float = 0.0, min_cell_m: float = 0.0
 ) -> tuple[TerrainWindow, Lattice]:
@@ -29,10 +36,8 @@ def search_area(
     coarse_m = max(math.sqrt(extent[0] * extent[1] / MAX_POSTS), min_cell_m)
     is_coarse = coarse_m > terrain.finest.cell_m
     cell_m = coarse_m if is_coarse else terrain.finest.cell_m
-    cells = math.ceil(reach_m / cell_m)
-    stride = math.ceil(cells / MAX_STEPS)
-    lattice = Lattice(math.ceil(cells / stride), stride)
-    around_m = (lattice.steps * stride + MARGIN_CELLS) * cell_m + margin_m
+    lattice = lattice_within(reach_m, cell_m)
+    around_m = (lattice.steps * lattice.stride + MARGIN_CELLS) * cell_m + margin_m
     window = (
         resample_window(terrain, profile, around_m, cell_m) if is_coarse else cut_window(terrain, profile, around_m)
     )

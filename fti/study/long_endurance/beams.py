@@ -21,30 +21,28 @@ from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.position_mark import MarkedPosition, PositionMark
 from fti.nav.height_profile import MAX_JUMP_M, jump_m
 from fti.nav.inertial_aiding import AidedNavigation
-from fti.nav.separation.copies import largest_sd
 from fti.nav.terrain_matching.beam_profile import BeamTrack, match_beams
 from fti.nav.terrain_matching.fix import MatchFix, Refusal
-from fti.nav.terrain_matching.search import Lattice
+from fti.nav.terrain_matching.reach import lattice_within
 from fti.nav.terrain_positioning import (
     CORRELATED_M,
     LATE_NS,
-    MAX_REACH_M,
-    MIN_DRIFT_MPS,
-    MIN_REACH_M,
     TRACK_SIGMAS,
+    drift_sd,
+    independent_share,
+    level_cov,
+    place_of,
+    reach_m,
 )
 from fti.nav.terrain_reference import Ground
-from fti.ranging.laser import Laser
 from fti.ranging.multibeam import BEAMS_ACROSS_DEG, beam_directions
 from fti.ranging.sensor import Poses
-from fti.study.ground_flights import LASER_SD_M, GroundCase, Sensors
+from fti.study.ground_flights import LASER, LASER_SD_M, GroundCase, Sensors, poses_of
 
 #: As ``CORRELATED_M``, of several beams: an error of elevation of 300 m length is common to beams that are 50 m apart.
 #: Measured (seed 5, four flights): error^2 over covariance of a fix, halved, is 2.2 with 40 m, and 0.9 with 100 m; with
 #: one beam and 40 m it is 0.8.
 CORRELATED_BEAMS_M = 100.0
-#: Shifts of the search on each side of the centre, at most.
-MAX_STEPS = 60
 NOISE_SEED = 77
 
 
@@ -104,10 +102,7 @@ class BeamPosition:
         found = self._match(marked)
         if found.refusals - {Refusal.DISAGREES}:  # a fix that disagrees is for the gate of the filter
             return
-        frame = self._known.terrain.frame
-        point = frame.to_local(*marked.geodetic)
-        point[:2] += found.shift + found.drift * (marked.t_ns / SECOND_NS - found.t)
-        lat, lon, _ = map(float, frame.to_geodetic(point))
+        lat, lon = place_of(found, marked, self._known.terrain)
         cov_n = float(found.cov[1, 1]), float(found.cov[0, 0]), float(found.cov[0, 1])
         self._aided.feed_terrain_fix(t_ns, MarkedPosition(mark, lat, lon, cov_n))
 
@@ -115,17 +110,14 @@ class BeamPosition:
         track = self._track(float(marked.sd_n[2]))
         length_m = math.hypot(*(track.poses.origins_l[-1] - track.poses.origins_l[0])[:2])
         correlated_m = CORRELATED_M if len(self._directions) == 1 else CORRELATED_BEAMS_M
-        level_cov = marked.cov_n[1::-1, 1::-1] + self._case.map_sd**2 * np.eye(2)  # east, north
-        reach_m = min(max(TRACK_SIGMAS * largest_sd(level_cov), MIN_REACH_M), MAX_REACH_M)
-        cells = math.ceil(reach_m / self._known.terrain.finest.cell_m)
-        stride = math.ceil(cells / MAX_STEPS)
+        terrain, map_sd = self._known.terrain, self._case.map_sd
         return match_beams(
-            self._known.terrain,
+            terrain,
             track,
-            Lattice(math.ceil(cells / stride), stride),
-            independent_share=min(max(length_m, 1.0) / len(self._samples) / correlated_m, 1.0),
-            drift_sd=max(float(marked.sd_n[3:5].max()), MIN_DRIFT_MPS),
-            position_cov=level_cov,
+            lattice_within(reach_m(marked, map_sd, TRACK_SIGMAS), terrain.finest.cell_m),
+            independent_share=independent_share(length_m, len(self._samples), correlated_m),
+            drift_sd=drift_sd(marked),
+            position_cov=level_cov(marked, map_sd),
         )
 
     def _track(self, height_sd: float) -> BeamTrack:
@@ -139,11 +131,9 @@ class BeamPosition:
 
 def _measure(sensors: Sensors, directions: Array) -> Array:
     """Ranges of all beams at all times, shape (K, B) [m]; a vertical beam measures the ranges of the laser."""
-    state, frame = sensors.height_truth, sensors.ground.frame
-    origins = frame.to_local(state.lat, state.lon, state.alt)
-    mats = frame.mat_ln(state.lat, state.lon) @ mat_from_rpy(state.roll, state.pitch, state.heading)
-    rays = rotate(mats[:, None], directions)
-    ranges = Laser(max_range=3000.0).measure_directions(sensors.ground, origins[:, None], rays, directions).slant_range
+    poses = poses_of(sensors.ground, sensors.height_truth)
+    rays, origins = rotate(poses.mats_ls[:, None], directions), poses.origins_l[:, None]
+    ranges = LASER.measure_directions(sensors.ground, origins, rays, directions).slant_range
     ranges = ranges + LASER_SD_M * np.random.default_rng(NOISE_SEED).standard_normal(ranges.shape)
     ranges[:, directions[:, 2] == 1.0] = sensors.ranges[:, None]
     return np.asarray(ranges)

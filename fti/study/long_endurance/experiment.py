@@ -94,6 +94,5 @@ def run_hour(task: tuple[int, int]) -> Track:
 
 
 def _track(flown: GroundRun) -> Track:
-    error = np.array(flown.error)
-    variances = np.array([np.diag(cov) for cov in flown.cov])
-    return Track(np.array(flown.t), np.hypot(*error.T), np.sqrt(variances.sum(axis=1)), error / np.sqrt(variances))
+    sd = flown.sd
+    return Track(np.array(flown.t), flown.distance, np.hypot(*sd.T), np.array(flown.error) / sd)

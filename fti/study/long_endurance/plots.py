@@ -27,7 +27,7 @@ def errors(seed: int) -> Figure:
         distance.semilogy(t, run.distance, color=colour, label=NAMES[aid])
         if aid == "baro":
             continue
-        sd = SIGMAS * np.sqrt(np.array([np.diag(cov) for cov in run.cov]))
+        sd = SIGMAS * run.sd
         for axis, ax in enumerate(each_axis):
             ax.plot(t, error[:, axis], color=colour)
             ax.plot(t, sd[:, axis], "--", color=colour, linewidth=0.8)

@@ -61,5 +61,4 @@ def run(task: tuple[int, int]) -> dict[str, Pair]:
 
 def _track(run_: GroundRun) -> Track:
     error = np.array(run_.error)
-    sd = np.sqrt(np.array([np.diag(cov) for cov in run_.cov]))
-    return Track(np.array(run_.t), error / sd, np.hypot(*error.T))
+    return Track(np.array(run_.t), error / run_.sd, np.hypot(*error.T))

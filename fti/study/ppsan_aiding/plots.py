@@ -23,7 +23,7 @@ def errors(seed: int, name: str) -> Figure:
     for with_ground, colour, text in ((False, BLACK, "satellites alone"), (True, BLUE, "with the ground")):
         run = fly_schedule(name, seed, 0, with_ground=with_ground)
         t, error = np.array(run.t), np.array(run.error)
-        sd = SIGMAS * np.sqrt(np.array([np.diag(cov) for cov in run.cov]))
+        sd = SIGMAS * run.sd
         for axis, ax in enumerate(axes):
             ax.plot(t, error[:, axis], color=colour, label=text)
             ax.plot(t, sd[:, axis], "--", color=colour, linewidth=0.8)

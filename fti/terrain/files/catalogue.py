@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fti.errors import ConfigError
+from fti.geodesy.formulas import wrap_half_turn
 from fti.terrain.area import TerrainArea
 from fti.terrain.file_info import ElevationFileInfo
 from fti.terrain.files.elevation_file import ElevationFile
@@ -150,7 +151,7 @@ def _is_near(file: ElevationFileInfo, lat: float, lon: float, angle: float) -> b
 def _box_in(file: ElevationFileInfo, lat: float, lon: float, radius_m: float) -> tuple[float, float, float, float]:
     """South, north, west and east of the part of a file in a square, from its middle [m]; roughly."""
     per_lon, width = EARTH_RADIUS_M * math.cos(lat), file.east - file.west
-    west = (file.west - lon + math.pi) % math.tau - math.pi
+    west = wrap_half_turn(file.west - lon)
     east = west + width + (math.tau if width < 0.0 else 0.0)
     south, north = (EARTH_RADIUS_M * (side - lat) for side in (file.south, file.north))
     return max(south, -radius_m), min(north, radius_m), max(west * per_lon, -radius_m), min(east * per_lon, radius_m)
