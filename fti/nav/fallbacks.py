@@ -22,6 +22,7 @@ from fti.nav.plausibility.source import UnconfirmedSource
 from fti.nav.protection import FilterReference
 from fti.nav.radio_positioning import RadioPosition
 from fti.nav.source_interpolation import AttitudeState, PositionState
+from fti.nav.terrain_methods import TerrainObserver
 from fti.nav.terrain_positioning import TerrainPosition
 from fti.nav.terrain_reference import Ground
 from fti.nav.vertical.vertical_channel import VerticalState
@@ -31,26 +32,27 @@ FILTER_TICKS, VERTICAL_TICKS, FIX_TICKS = 10, 10, 25
 
 
 class Fallbacks:
-    """All configured fallbacks."""
+    """All configured fallbacks.  observer : of the filter and of the position from the ground"""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, observer: TerrainObserver | None = None) -> None:
         nav, devices = config.nav, {device.name: device for device in config.device}
         ground = nav.terrain_position
         map_sd = ground.map_sd_m if ground else None
         self._aided = AidedNavigation(nav.filter, devices, map_sd) if nav.filter else None
-        self._ground = TerrainPosition(ground, devices, self._aided) if ground and self._aided else None
+        self._observer = observer
+        self._ground = TerrainPosition(ground, devices, self._aided, observer) if ground and self._aided else None
         self._radio = RadioPosition(nav.radio, devices) if nav.radio else None
         self._ticks = 0
 
     def set_terrain(self, ground: Ground | None) -> None:
         """Set the known ground."""
-        for part in (self._aided, self._ground, self._radio):
+        for part in (self._aided, self._ground, self._radio, self._observer):
             if part:
                 part.set_terrain(ground)
 
     def handlers(self, device: str, kind: type[Measurement]) -> list[Callable[[Any, int], None]]:
         """Handlers of measurements of a kind of a device; they take a measurement and its time of validity."""
-        parts = [part for part in (self._aided, self._radio) if part and part.accepts(device, kind)]
+        parts = [part for part in (self._aided, self._radio, self._observer) if part and part.accepts(device, kind)]
         return [partial(part.feed, device) for part in parts]
 
     def feed_unconfirmed(self, device: str, m: Measurement, unconfirmed: UnconfirmedSource, t_ns: int) -> None:
@@ -65,6 +67,8 @@ class Fallbacks:
             self._ground.feed_height(height, nav)
         if self._radio:
             self._radio.feed_height(height, nav)
+        if self._observer:
+            self._observer.feed_height(height, nav)
 
     def is_excluded(self, altimeter: str) -> bool:
         """Whether the filter excludes an altimeter from aiding."""
@@ -87,6 +91,8 @@ class Fallbacks:
         if self._radio and self._ticks % FIX_TICKS == 0:
             self._radio.refuse(self.refused)
             out.append(self._radio.solution(t_ns))
+        if self._observer:
+            self._observer.tick(t_ns)
         return out
 
     def position(self, t_ns: int) -> tuple[PositionState, str] | None:

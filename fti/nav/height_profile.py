@@ -41,6 +41,21 @@ MAX_CELLS = 100
 MAX_JUMP_M = 5.0
 
 
+@dataclass(frozen=True, eq=False)
+class ProfileSamples:
+    """The samples of a profile.
+
+    t       : times [s], shape (K,);  ranges : measured [m], shape (K,);  sds : one sigma of their independent error [m]
+    origins : navigated positions of the sensor, shape (K, 3) [m];  axes : unit vectors along the beam, shape (K, 3)
+    """
+
+    t: Array
+    origins: Array
+    axes: Array
+    ranges: Array
+    sds: Array
+
+
 @dataclass(slots=True)
 class HeightProfile:
     """The profile of one altimeter over known ground."""
@@ -100,15 +115,20 @@ class HeightProfile:
         """Whether it has enough samples of the time in which they were collected."""
         return len(self) >= max(MIN_SAMPLES, MIN_SHARE * span_ns / PERIOD_NS)
 
+    @property
+    def samples(self) -> ProfileSamples:
+        """All samples, in order of time."""
+        t = np.array(self._t_ns) / SECOND_NS
+        return ProfileSamples(t, *map(np.array, (self._origins, self._axes, self._ranges, self._sds)))
+
     def search_area(self, height_sd: float, reach_m: float) -> tuple[Profile, TerrainWindow, Lattice]:
         """The profile, and the ground and the shifts to compare it with.
 
         height_sd : one sigma of the navigated height [m];  reach_m : largest shift, each way [m]
         Raises ValueError with fewer than ``MIN_SAMPLES`` samples.
         """
-        t, sds = np.array(self._t_ns) / SECOND_NS, np.array(self._sds)
-        origins, axes, ranges = np.array(self._origins), np.array(self._axes), np.array(self._ranges)
-        terrain = self.ground.terrain
+        samples, terrain = self.samples, self.ground.terrain
+        t, origins, axes, ranges, sds = samples.t, samples.origins, samples.axes, samples.ranges, samples.sds
         if self.mounting.half_beam == 0.0:
             east, north, up = (origins + ranges[:, None] * axes).T
             profile = Profile(t, east, north, up, sds, height_sd)

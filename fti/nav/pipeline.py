@@ -41,6 +41,7 @@ from fti.nav.terrain_reference import Ground
 
 if TYPE_CHECKING:
     from fti.nav.fallbacks import Fallbacks
+    from fti.nav.terrain_methods import TerrainObserver
 
 #: Ticks of 20 ms between outputs; protection levels change in seconds.
 SOLUTION_TICKS, PROTECTION_TICKS = 2, 10
@@ -49,9 +50,14 @@ MeasurementHandler = Callable[[Any, int], list[Output | Event] | None]
 
 
 class Pipeline:
-    """Joins the measurements of all devices.  reference : the published approach, or None."""
+    """Joins the measurements of all devices.
 
-    def __init__(self, config: Config, reference: ApproachReference | None) -> None:
+    reference : the published approach, or None;  observer : of the filter and of the position from the ground
+    """
+
+    def __init__(
+        self, config: Config, reference: ApproachReference | None, observer: TerrainObserver | None = None
+    ) -> None:
         devices = {device.name: device for device in config.device}
         self._latency_ns = {name: round(device.latency_ms * 1e6) for name, device in devices.items()}
         roles = config.nav
@@ -64,7 +70,7 @@ class Pipeline:
         self._agreement, self._ground_check = AgreementCheck(limits), GroundCheck(limits)
         self._refusals = RefusalEvents()
         self._selector = HeightSelector(roles.altimeters)
-        self._fallbacks = _fallbacks(config)
+        self._fallbacks = _fallbacks(config, observer)
         self._navigation = Navigation(
             [self._sources[name] for name in roles.attitude],
             [self._sources[name] for name in roles.position],
@@ -253,9 +259,9 @@ class Pipeline:
         return extrapolate_levels(self._protection, last, current, (nav.t_ns - self._protection_state.t_ns) / SECOND_NS)
 
 
-def _fallbacks(config: Config) -> Fallbacks | None:
+def _fallbacks(config: Config, observer: TerrainObserver | None) -> Fallbacks | None:
     if config.nav.filter is None and config.nav.radio is None:
         return None
     from fti.nav.fallbacks import Fallbacks  # noqa: PLC0415 - numba: not needed without them
 
-    return Fallbacks(config)
+    return Fallbacks(config, observer)

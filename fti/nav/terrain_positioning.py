@@ -35,7 +35,8 @@ from fti.nav.filter.position_mark import TERRAIN_POSITION, MarkedPosition, Posit
 from fti.nav.height_profile import HeightProfile
 from fti.nav.separation.copies import largest_sd
 from fti.nav.terrain_matching.acquisition import Acquisition
-from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match
+from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal
+from fti.nav.terrain_methods import IN_FLIGHT, METHODS, MatchTask, TerrainObserver
 from fti.nav.terrain_reference import Ground
 
 if TYPE_CHECKING:
@@ -79,11 +80,23 @@ class _Mark:
 
 
 class TerrainPosition:
-    """Position from the heights of one altimeter.  aided : the filter that it aids"""
+    """Position from the heights of one altimeter.
 
-    def __init__(self, settings: TerrainPositionTable, devices: Mapping[str, Device], aided: AidedNavigation) -> None:
-        self._settings, self._aided = settings, aided
-        self._mounting = mounting_of(devices[settings.altimeter])
+    aided : the filter that it aids;  observer : sees every mark and every profile; None: nobody does
+    """
+
+    def __init__(
+        self,
+        settings: TerrainPositionTable,
+        devices: Mapping[str, Device],
+        aided: AidedNavigation,
+        observer: TerrainObserver | None = None,
+    ) -> None:
+        self._settings, self._aided, self._observer = settings, aided, observer
+        altimeter = devices[settings.altimeter]
+        self._mounting = mounting_of(altimeter)
+        assert altimeter.altimeter is not None
+        self._method = METHODS[IN_FLIGHT].make(altimeter.altimeter)
         self._span_ns = round(settings.window_s * SECOND_NS)
         self._limits = MatchLimits(max_sd_m=settings.max_sd_m)
         self._profile: HeightProfile | None = None
@@ -145,6 +158,8 @@ class TerrainPosition:
             return
         self._mark = _Mark(PositionMark(*estimate.geodetic), estimate)
         self._aided.feed_terrain_fix(t_ns, self._mark.aiding)
+        if self._observer:
+            self._observer.see_mark(t_ns, self._mark.aiding)
 
     def _finish(self, heights: HeightProfile, t_ns: int) -> None:
         """Match a profile, let its fix aid, and begin the next profile."""
@@ -160,7 +175,10 @@ class TerrainPosition:
             samples=len(heights), length=heights.length_m,
         )  # fmt: skip
         if heights.is_complete(self._span_ns):
-            self._use(self._match(heights, fix, mark), fix, mark, ground)
+            task = self._task(heights, fix, mark)
+            self._use(self._method.match(task), fix, mark, ground)
+            if self._observer:
+                self._observer.see_profile(task, fix, mark.estimate)
         else:
             self._fix = fix
         self._drop()
@@ -169,14 +187,13 @@ class TerrainPosition:
         """Whether satellites determine a position well enough to need no search."""
         return self._aided.has_satellites(estimate.t_ns) and largest_sd(estimate.cov_n[:2, :2]) <= CERTAIN_SD_M
 
-    def _match(self, heights: HeightProfile, fix: TerrainFix, mark: _Mark) -> MatchFix:
-        """The fix of a profile, with the position's drift, and unless it searches its covariance, as priors."""
-        profile, window, lattice = heights.search_area(float(mark.estimate.sd_n[2]), fix.reach or MIN_REACH_M)
-        return match(
-            window,
-            profile,
-            lattice,
-            self._limits,
+    def _task(self, heights: HeightProfile, fix: TerrainFix, mark: _Mark) -> MatchTask:
+        """A profile, with the position's drift, and unless it searches its covariance, as priors."""
+        return MatchTask(
+            heights,
+            height_sd=float(mark.estimate.sd_n[2]),
+            reach_m=fix.reach or MIN_REACH_M,
+            limits=self._limits,
             independent_share=independent_share(heights.length_m, len(heights), CORRELATED_M),
             drift_sd=drift_sd(mark.estimate),
             position_cov=None if fix.is_search else level_cov(mark.estimate, self._settings.map_sd_m),
@@ -186,18 +203,15 @@ class TerrainPosition:
         """Let a fix aid if nothing refuses it; it is published after the decision of the filter."""
         self._acquisition.drift_mps = drift_sd(mark.estimate)
         confirmed = self._acquisition.add(found)
-        # a fix that disagrees is for the gate of the filter, and for its copy without satellites
-        reasons = tuple(REASON_OF[refusal] for refusal in sorted(found.refusals - {Refusal.DISAGREES}))
-        if not reasons and fix.is_search and confirmed is None:
-            reasons = (Reason.NOT_CONFIRMED,)
-        fix = _complete(replace(fix, valid=not reasons, reasons=reasons), found, mark, ground)
+        reasons = refusal_reasons(found, is_confirmed=confirmed is not None or not fix.is_search)
+        fix = complete_fix(replace(fix, valid=not reasons, reasons=reasons), found, mark.estimate, ground)
         if reasons:
             self._fix = fix
             self._refuse(fix)
             return
         if fix.is_search:
             self._report(fix.t_ns, "info", f"three profiles agree to {_larger_sd(fix):.0f} m; it aids the filter")
-        self._aided.feed_terrain_fix(fix.t_ns, _aiding(fix, mark))
+        self._aided.feed_terrain_fix(fix.t_ns, aiding_of(fix, mark.aiding))
         self._undecided = fix
 
     def _refuse(self, fix: TerrainFix) -> None:
@@ -286,19 +300,25 @@ def _larger_sd(fix: TerrainFix) -> float:
     return max(fix.north_sd or 0.0, fix.east_sd or 0.0)
 
 
-def _aiding(fix: TerrainFix, mark: _Mark) -> MarkedPosition:
-    """A valid fix as a measurement of the filter."""
+def refusal_reasons(found: MatchFix, *, is_confirmed: bool) -> tuple[Reason, ...]:
+    """Why a fix must not aid the filter; one that disagrees is for its gate, and for its copy without satellites."""
+    reasons = tuple(REASON_OF[refusal] for refusal in sorted(found.refusals - {Refusal.DISAGREES}))
+    return reasons or (() if is_confirmed else (Reason.NOT_CONFIRMED,))
+
+
+def aiding_of(fix: TerrainFix, mark: PositionMark) -> MarkedPosition:
+    """A fix with a position as a measurement of the filter."""
     assert fix.lat is not None and fix.lon is not None and fix.north_sd is not None and fix.east_sd is not None
     across = (fix.correlation or 0.0) * fix.north_sd * fix.east_sd
-    return MarkedPosition(mark.aiding, fix.lat, fix.lon, (fix.north_sd**2, fix.east_sd**2, across))
+    return MarkedPosition(mark, fix.lat, fix.lon, (fix.north_sd**2, fix.east_sd**2, across))
 
 
-def _complete(fix: TerrainFix, found: MatchFix, mark: _Mark, ground: Ground) -> TerrainFix:
-    """An output with the position of a match; unchanged without a position."""
+def complete_fix(fix: TerrainFix, found: MatchFix, marked: Estimate, ground: Ground) -> TerrainFix:
+    """An output with the position of a match; unchanged without a position.  marked : the filter's, in its middle"""
     if not math.isfinite(found.shift[0]):
         return fix
-    lat, lon, alt = mark.estimate.geodetic
-    at_lat, at_lon = place_of(found, mark.estimate, ground.terrain)
+    lat, lon, alt = marked.geodetic
+    at_lat, at_lon = place_of(found, marked, ground.terrain)
     per_lat, per_lon = metres_per_radian(lat, alt)
     east_sd, north_sd = math.sqrt(found.cov[0, 0]), math.sqrt(found.cov[1, 1])
     return replace(

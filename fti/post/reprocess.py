@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fti import config as configuration
 from fti.config import Config, TerrainFiles, position_sources
@@ -40,6 +40,9 @@ from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.terrain_areas import TerrainAreas, wanted_areas
 from fti.service.navigation.terrain_loader import load_terrain
 from fti.terrain.area import TerrainArea
+
+if TYPE_CHECKING:
+    from fti.nav.terrain_methods import TerrainObserver
 
 Progress = Callable[[int], None]
 FLUSH_FRAMES = 5000
@@ -94,9 +97,9 @@ class Setup:
     recorded: bool = False
     readmissions: tuple[Readmission, ...] = ()
 
-    def make_chain(self) -> Chain:
+    def make_chain(self, observer: TerrainObserver | None = None) -> Chain:
         """A fresh chain."""
-        return Chain(self.config, self.devices, self.reference)
+        return Chain(self.config, self.devices, self.reference, observer)
 
     def terrain_notes_of(self, segment: NavigationRun) -> list[TerrainNote]:
         """When a terrain is set in a segment: never where none is configured, or none was loaded in time."""
@@ -294,10 +297,18 @@ def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
         yield gap
 
 
-def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, progress: Progress) -> Path:
+def reprocess(
+    recording: Recording,
+    setup: Setup,
+    out: Path,
+    *,
+    as_flown: bool,
+    progress: Progress,
+    observer: TerrainObserver | None = None,
+) -> Path:
     """Run navigation over a recording; returns the new session folder below ``out``.
 
-    progress : called periodically with the number of frames done
+    progress : called periodically with the number of frames done;  observer : see ``fti.nav.pipeline``
     """
     segments = read_navigation_runs(recording) if as_flown else [NavigationRun(0, None)]
     frames = recording.frames()
@@ -321,7 +332,7 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         done = 0
         frames = itertools.chain((first,), frames)
         for segment in segments:
-            fresh = setup.make_chain()
+            fresh = setup.make_chain(observer)
             _write(fresh.restore(segment.restored.refusals, segment.restored.t_ns), log)
             readmission_replay = _ReadmissionReplay(fresh, setup.readmissions_in(segment))
             chain = _TerrainReplay(readmission_replay, setup, ground, setup.terrain_notes_of(segment))

@@ -163,10 +163,15 @@ def make_range_model(altimeter: Altimeter, terrain: Terrain) -> RangeModel:
     if altimeter.kind == "laser":
         return PencilRangeModel(terrain.pyramid, max_range)
     if altimeter.model == "beam":
-        edge, antenna = edge_at(altimeter.threshold_db), cosine_antenna(width, width)
-        sensor = RadarAltimeter(antenna=antenna, edge=edge, max_range=altimeter.range_m[1])
-        return WholeBeamModel(terrain, sensor)
+        return WholeBeamModel(terrain, make_radar(altimeter))
     return NearestReturnModel(terrain.pyramid, width, max_range)
+
+
+def make_radar(altimeter: Altimeter) -> RadarAltimeter:
+    """The model "beam" of a configured radar."""
+    width = math.radians(altimeter.beam_deg)
+    edge, antenna = edge_at(altimeter.threshold_db), cosine_antenna(width, width)
+    return RadarAltimeter(antenna=antenna, edge=edge, max_range=altimeter.range_m[1])
 
 
 class AltimeterPredictor:

@@ -122,12 +122,12 @@ def match(
     limits = limits or MatchLimits()
     known = _is_over_known_ground(window, profile, lattice)
     if np.count_nonzero(known) < MIN_SAMPLES:
-        return _without_position(profile, Refusal.UNKNOWN_GROUND)
+        return without_position(profile, Refusal.UNKNOWN_GROUND)
     profile = profile.select(known)
     solutions = _solutions(window, profile, lattice, independent_share, drift_sd)
     likelihood, best = min(solutions, key=lambda solution: solution[1].chi_square)
     if best.step is None:
-        return _without_position(profile, Refusal.FLAT)
+        return without_position(profile, Refusal.FLAT)
     noise = _noise_ratio(best.chi_square, profile)
     scale = independent_share / noise**2
     shift, cov, unknown = _moments(likelihood, best, scale)
@@ -185,7 +185,8 @@ def _noise_ratio(chi_square: float, profile: Profile) -> float:
     return max(1.0, math.sqrt(chi_square / (len(profile) - PARAMETERS)))
 
 
-def _without_position(profile: Profile, reason: Refusal) -> MatchFix:
+def without_position(profile: Profile, reason: Refusal) -> MatchFix:
+    """The fix of a profile that gives no position."""
     shift, cov = np.full(2, np.nan), np.full((2, 2), np.inf)
     return MatchFix(profile.middle, shift, cov, math.nan, math.inf, np.zeros(2), 1.0, math.nan, frozenset({reason}))
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -27,6 +27,9 @@ from fti.nav.pipeline import Pipeline
 from fti.nav.sensor_mounting import Mountings
 from fti.nav.terrain_reference import Ground
 from fti.service.fault_guard import Guard
+
+if TYPE_CHECKING:
+    from fti.nav.terrain_methods import TerrainObserver
 
 #: Reasons for skipping the bytes that a decoder held: frames were missing, or the decoder failed.
 GAP, FAILURE = "gap", "failure"
@@ -118,12 +121,18 @@ class MeasurementChain:
 
 
 class Chain(MeasurementChain):
-    """Decoders of all links and the navigation pipeline behind them."""
+    """Decoders of all links and the navigation pipeline behind them.  observer : see ``Pipeline``"""
 
-    def __init__(self, config: Config, devices: Sequence[BoundDevice], reference: ApproachReference | None) -> None:
+    def __init__(
+        self,
+        config: Config,
+        devices: Sequence[BoundDevice],
+        reference: ApproachReference | None,
+        observer: TerrainObserver | None = None,
+    ) -> None:
         super().__init__(config, devices)
-        self._reference = reference
-        self._pipeline, self._conditions = Pipeline(config, reference), OutputConditions(config)
+        self._reference, self._observer = reference, observer
+        self._pipeline, self._conditions = Pipeline(config, reference, observer), OutputConditions(config)
         self._terrain: tuple[Ground | None] | None = None  # not set yet
 
     def reset_after_gap(self) -> None:
@@ -161,7 +170,8 @@ class Chain(MeasurementChain):
     def _reset_navigation(self, t_ns: int) -> Event:
         """Discard all earlier measurements, the state of the filter, all refusals, and the device clocks."""
         self.reset_clocks()
-        self._pipeline, self._conditions = Pipeline(self._config, self._reference), OutputConditions(self._config)
+        self._pipeline = Pipeline(self._config, self._reference, self._observer)
+        self._conditions = OutputConditions(self._config)
         if self._terrain:
             self._pipeline.set_terrain(*self._terrain)
         text = "restarts: the operator readmits all sources"

@@ -1,0 +1,232 @@
+"""The methods of position from the ground, by the name that ``TerrainFix.method`` has.
+
+    profile      every shift of the search area is compared; position and covariance are those of the likelihood.  This
+                 method aids the filter in flight
+    five_point   the five-point search of the source instead of every shift, then the likelihood around its end
+    printed      metric and covariance as the source prints them; it has no test that refuses a fix
+    vertical     of a radar: its range is taken as the height straight below, without beam and attitude
+    closed_loop  of a radar: around the fix of ``profile`` ranges are predicted with antenna and receiver, from the
+                 navigated attitude, and compared with the measured ones
+
+A method is created once for a flight and gets one profile after the other, so it may keep a state.  Another method is
+one more entry of ``METHODS``; ``fti reprocess --compare-terrain-methods`` compares all of them on one flight.
+Source: Spiegel 2018, section 4.1 (matching), 4.5 (closed loop), 4.5.2 (five-point search).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from fti.arrays import Array
+from fti.config import Altimeter
+from fti.nav.altimetry.expected_range import make_radar
+from fti.nav.height_profile import HeightProfile, ProfileSamples
+from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
+from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match, without_position
+from fti.nav.terrain_matching.likelihood import Likelihood
+from fti.nav.terrain_matching.printed_metric import matching_covariance, mean_absolute_residual
+from fti.nav.terrain_matching.profile import Profile
+from fti.nav.terrain_matching.reach import search_area
+from fti.nav.terrain_matching.search import Lattice, five_point_search
+from fti.nav.terrain_matching.window import TerrainWindow
+from fti.ranging.sensor import Poses
+from fti.terrain.terrain import Terrain
+
+if TYPE_CHECKING:
+    from fti.messages.measurements import Measurement
+    from fti.messages.outputs import HeightAboveGround, TerrainFix
+    from fti.nav.filter.estimate import Estimate
+    from fti.nav.filter.position_mark import PositionMark
+    from fti.nav.navigation import NavState
+    from fti.nav.terrain_reference import Ground
+
+#: Cells around the end of a five-point search in which the minimum must lie.
+NEAR_CELLS = 3
+#: Steps of a cell, each way, with which the smallest printed metric is refined.
+FINE_STEPS = 10
+#: Closed loop: distance of the nodes of predicted ranges, largest shift, and posts around it [m] (source, table 7.3).
+NODE_M, CLOSED_REACH_M, MARGIN_M = 6.0, 30, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class MatchTask:
+    """A profile, and what is known before it is matched.
+
+    height_sd : one sigma of the navigated height [m];  reach_m : largest shift that is searched, each way [m]
+    independent_share, drift_sd, position_cov : as of ``match``
+    """
+
+    heights: HeightProfile
+    height_sd: float
+    reach_m: float
+    limits: MatchLimits
+    independent_share: float
+    drift_sd: float
+    position_cov: Array | None
+
+    def search_area(self) -> tuple[Profile, TerrainWindow, Lattice]:
+        """The profile, and the ground and the shifts to compare it with."""
+        return self.heights.search_area(self.height_sd, self.reach_m)
+
+    def solve(self, profile: Profile, window: TerrainWindow, lattice: Lattice) -> MatchFix:
+        """The fix by the likelihood."""
+        return match(
+            window,
+            profile,
+            lattice,
+            self.limits,
+            independent_share=self.independent_share,
+            drift_sd=self.drift_sd,
+            position_cov=self.position_cov,
+        )
+
+
+class TerrainMethod(Protocol):
+    """A method on one flight."""
+
+    def match(self, task: MatchTask) -> MatchFix:
+        """The fix of the next profile."""
+
+
+class ExhaustiveSearch:
+    """Every shift of the search area."""
+
+    def match(self, task: MatchTask) -> MatchFix:
+        """The fix by the likelihood."""
+        return task.solve(*task.search_area())
+
+
+class FivePointSearch:
+    """The five-point search, which may end in a local minimum: other minima are not known to it."""
+
+    def match(self, task: MatchTask) -> MatchFix:
+        """The fix by the likelihood around the end of the search."""
+        profile, window, lattice = task.search_area()
+        likelihood = Likelihood(window, profile, task.drift_sd)
+        end, _ = five_point_search(likelihood.chi_square, 2.0 * task.reach_m, window.cell_m)
+        furthest = lattice.steps * lattice.stride
+        east, north = np.clip(np.rint(end / window.cell_m).astype(int), -furthest, furthest).tolist()
+        return task.solve(profile, window, Lattice(NEAR_CELLS, centre=(east, north)))
+
+
+class PrintedMetric:
+    """The smallest mean absolute residual, with the matching quality of the whole grid as its probability."""
+
+    def match(self, task: MatchTask) -> MatchFix:
+        """The fix; nothing refuses it where the ground is known."""
+        profile, window, lattice = task.search_area()
+        ground = Terrain.from_array(window.heights, window.cell_m, east0=window.east0, north0=window.north0)
+        residuals = functools.partial(mean_absolute_residual, ground, profile)
+        east, north = lattice.shifts(window.cell_m)
+        metric = np.array([residuals(np.column_stack((east, np.full_like(east, y)))) for y in north])
+        if np.isnan(metric).all():
+            return without_position(profile, Refusal.UNKNOWN_GROUND)
+        i, j = np.unravel_index(int(np.nanargmin(metric)), metric.shape)
+        steps = lattice.stride * window.cell_m / FINE_STEPS * np.arange(-FINE_STEPS, FINE_STEPS + 1)
+        near = np.stack(np.meshgrid(east[j] + steps, north[i] + steps), axis=-1).reshape(-1, 2)
+        shift = near[np.nanargmin(residuals(near))]
+        _, cov = matching_covariance(np.nan_to_num(metric, nan=float(np.nanmax(metric))), east, north)
+        up = float(np.mean(ground.up(profile.east + shift[0], profile.north + shift[1]) - profile.ground))
+        return MatchFix(profile.middle, shift, cov, up, math.nan, np.zeros(2), 0.0, 1.0, frozenset())
+
+
+class VerticalRange:
+    """The ranges of a radar as heights straight below it, compared with the elevation."""
+
+    def match(self, task: MatchTask) -> MatchFix:
+        """The fix by the likelihood."""
+        of = task.heights.samples
+        east, north, up = of.origins.T
+        profile = Profile(of.t, east, north, up - of.ranges, of.sds, task.height_sd)
+        return task.solve(profile, *search_area(task.heights.ground.terrain, profile, task.reach_m))
+
+
+class ClosedLoop:
+    """Ranges of a radar, predicted with antenna and receiver for each place around the fix of the exhaustive search."""
+
+    def __init__(self, altimeter: Altimeter) -> None:
+        self._radar, self._first = make_radar(altimeter), ExhaustiveSearch()
+
+    def match(self, task: MatchTask) -> MatchFix:
+        """The fix by the likelihood of differences of ranges; both searches may refuse it."""
+        first = self._first.match(task)
+        if not np.isfinite(first.shift).all():
+            return first
+        step = np.append(first.shift, first.up)
+        of = task.heights.samples
+        track = RangeTrack(of.t, poses_of(of, step), of.ranges, of.sds, task.height_sd)
+        surface = apparent_surface(
+            self._radar, task.heights.ground.terrain, track.poses, NODE_M, CLOSED_REACH_M + MARGIN_M
+        )
+        task = replace(task, position_cov=None)  # of the distance from the first fix it says nothing
+        fix = task.solve(track.profile, surface.refine(round(NODE_M)), Lattice(CLOSED_REACH_M))
+        return replace(fix, shift=fix.shift + step[:2], up=fix.up + step[2], refusals=fix.refusals | first.refusals)
+
+
+def poses_of(samples: ProfileSamples, step: Array) -> Poses:
+    """Poses of the sensor, moved by a step (3,) [m]; a beam is the same all round, so the turn around it is free."""
+    down = samples.axes
+    level = np.cross(down, np.array([0.0, 1.0, 0.0]))
+    level /= np.linalg.norm(level, axis=1, keepdims=True)
+    mats = np.stack((level, np.cross(down, level), down), axis=-1)
+    return Poses(samples.origins + step, mats, np.gradient(samples.origins, samples.t, axis=0))
+
+
+class TerrainObserver(Protocol):
+    """Sees the inputs of the filter and of the position from the ground, and changes nothing."""
+
+    def accepts(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether it takes measurements of this kind of a device."""
+
+    def feed(self, device: str, m: Any, t_ns: int) -> None:
+        """A measurement that is valid at t_ns."""
+
+    def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
+        """An output of an altimeter."""
+
+    def set_terrain(self, ground: Ground | None) -> None:
+        """The known ground."""
+
+    def see_mark(self, t_ns: int, mark: PositionMark) -> None:
+        """The middle of a profile."""
+
+    def see_profile(self, task: MatchTask, fix: TerrainFix, marked: Estimate) -> None:
+        """The end of a profile.  fix : without a position;  marked : the filter's estimate in the middle"""
+
+    def tick(self, t_ns: int) -> None:
+        """A tick of 20 ms."""
+
+
+@dataclass(frozen=True)
+class MethodEntry:
+    """How a method is made, and for which kinds of altimeters.  about : the method in a few words"""
+
+    about: str
+    make: Callable[[Altimeter], TerrainMethod]
+    kinds: frozenset[str] = frozenset({"laser", "radar"})
+
+
+_RADAR = frozenset({"radar"})
+#: The method that aids the filter.
+IN_FLIGHT = "profile"
+METHODS: Mapping[str, MethodEntry] = MappingProxyType(
+    {
+        IN_FLIGHT: MethodEntry("every shift, likelihood", lambda _: ExhaustiveSearch()),
+        "five_point": MethodEntry("five-point search, likelihood", lambda _: FivePointSearch()),
+        "printed": MethodEntry("metric and covariance as printed in the source", lambda _: PrintedMetric()),
+        "vertical": MethodEntry("range as height straight below, likelihood", lambda _: VerticalRange(), _RADAR),
+        "closed_loop": MethodEntry("ranges predicted with antenna and receiver", ClosedLoop, _RADAR),
+    }
+)
+
+
+def methods_for(altimeter: Altimeter) -> dict[str, TerrainMethod]:
+    """New methods that apply to an altimeter, by name."""
+    return {name: entry.make(altimeter) for name, entry in METHODS.items() if altimeter.kind in entry.kinds}
