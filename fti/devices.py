@@ -141,6 +141,15 @@ def check_inertial(config: Config, devices: Sequence[BoundDevice]) -> None:
         raise ConfigError(f"{config.path}: {text}")
 
 
+def check_beams(config: Config, devices: Sequence[BoundDevice]) -> None:
+    """Check that multi-beam altimeters give ranges of beams.  Raises ConfigError."""
+    for i, bound in enumerate(devices):
+        if configuration.is_multibeam(bound.device) and not drivers.has_beams(bound.driver):
+            able = ", ".join(other for other in drivers.names() if drivers.has_beams(drivers.load(other)))
+            text = f"{bound.device.driver} gives no ranges of beams; drivers that do: {able}"
+            raise ConfigError(f"{config.path}: device[{i}].altimeter.kind = 'multibeam': {text}")
+
+
 def check_alert_limits(config: Config) -> None:
     """Check that a position can be valid under ``[nav.alert_limits]``.  Raises ConfigError.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from fti.config import Altimeter, Config
+from fti.config import Altimeter, Config, is_multibeam
 from fti.nav.altimetry.validity import deviation_gate, is_conclusive
 from fti.nav.filter.navigator import MAX_SD_M
 from fti.nav.plausibility.heading import SPEED_RATIO
@@ -38,9 +38,17 @@ def limit_warnings(config: Config, layers: Sequence[Mapping[str, Any]]) -> Itera
         if device.name in config.nav.altimeters:
             yield from _altimeter_limits(config, key, device.altimeter)
             yield from _coarse_terrain(key, device.altimeter, layers)
+        elif is_multibeam(device):
+            yield from _unused_beams(config, key, device.name)
         elif config.nav.altimeters:
             yield f"{key}: is not used: {device.name} is not in nav.altimeters; add it, or remove the table"
     yield from _unused_aiding(config)
+
+
+def _unused_beams(config: Config, key: str, name: str) -> Iterator[str]:
+    ground = config.nav.terrain_position
+    if ground is None or ground.altimeter != name:
+        yield f"{key}: is not used: [nav.terrain_position] does not name {name}; name it, or remove the table"
 
 
 def _flight_limits(config: Config) -> Iterator[str]:

@@ -150,16 +150,13 @@ def _outputs(outputs: Fields) -> Table:
 
 
 def _add_ground(table: Table, output: Fields) -> None:
-    """The fix of the last profile: its distance from the filter, its sigma, and its heights."""
+    """The fix of the last profile: its distance from the filter, its sigma, and its samples."""
     has_place = all(output[name] is not None for name in ("north_sd", "east_sd", "shift_north", "shift_east"))
     offset = f"{_metres(math.hypot(output['shift_north'], output['shift_east']), 0)} off" if has_place else UNKNOWN
     sigma = _sigma(max(output["north_sd"], output["east_sd"]), "m") if has_place else ""
-    _add(
-        table,
-        "position from the ground",
-        output,
-        (offset, sigma, "" if output["samples"] is None else f"{output['samples']} heights"),
-    )
+    kind = "frames of beams" if output["method"] == "beams" else "heights"
+    samples = "" if output["samples"] is None else f"{output['samples']} {kind}"
+    _add(table, "position from the ground", output, (offset, sigma, samples))
 
 
 def _over_ground(output: Fields) -> tuple[str | Text, ...]:

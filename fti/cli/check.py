@@ -166,7 +166,7 @@ def describe(config: Config) -> dict[str, Any]:
         ],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
         "filter": _filter(config.nav),
-        "terrain_position": _terrain_position(config.nav),
+        "terrain_position": _terrain_position(config),
         "terrain": terrain,
         "terrain_layers": layers,
         "approach": config.nav.approach.profile if config.nav.approach else None,
@@ -185,10 +185,16 @@ def _filter(nav: Nav) -> str | None:
     return f"{nav.filter.imu}, aided by {', '.join(aids) or 'nothing'}"
 
 
-def _terrain_position(nav: Nav) -> str | None:
+def _terrain_position(config: Config) -> str | None:
     """The altimeter whose profiles give positions, and their duration; None without them."""
-    settings = nav.terrain_position
-    return f"profiles of {settings.altimeter}, {settings.window_s:g} s each, aid the filter" if settings else None
+    from fti.config import is_multibeam
+
+    settings = config.nav.terrain_position
+    if settings is None:
+        return None
+    device = config.find_device(settings.altimeter)
+    beams = " with all beams" if device and is_multibeam(device) else ""
+    return f"profiles of {settings.altimeter}{beams}, {settings.window_s:g} s each, aid the filter"
 
 
 def _describe_storage(config: Config) -> list[dict[str, Any]]:

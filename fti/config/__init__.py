@@ -36,6 +36,7 @@ from fti.config.tables import (
     UnstatedSd,
     Vector,
     altimeter_links,
+    is_multibeam,
     position_sources,
 )
 
@@ -71,6 +72,7 @@ __all__ = [
     "check_all",
     "decode_text",
     "error_lines",
+    "is_multibeam",
     "load",
     "parse",
     "parse_toml",

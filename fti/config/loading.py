@@ -12,7 +12,7 @@ from typing import Any
 from fti.config.binding import bind
 from fti.config.error_lines import check_all, error_lines
 from fti.config.parsing import MAX_TOML_BYTES, decode_text, parse_toml
-from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainFiles, UdpLink
+from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainFiles, UdpLink, is_multibeam
 from fti.errors import ConfigError, MissingError, did_you_mean
 
 #: Keys of ``[nav.terrain]`` that need ``files``.
@@ -68,7 +68,7 @@ def _check_references(config: Config, file: str) -> None:
         partial(_check_terrain, config.nav.terrain, file),
         partial(_check_filter, config, devices, file),
         partial(_check_radio, config.nav, devices, file),
-        partial(_check_terrain_position, config.nav, file),
+        partial(_check_terrain_position, config, file),
         partial(_check_altimeters, config, file),
     ]
     check_all(checks)
@@ -93,6 +93,11 @@ def _check_altimeters(config: Config, file: str) -> None:
     for device in config.device:
         if device.name in config.nav.altimeters and device.altimeter is None:
             raise ConfigError(f"{file}: nav.altimeters: device {device.name!r} needs a [device.altimeter] table")
+        if device.name in config.nav.altimeters and is_multibeam(device):
+            raise ConfigError(
+                f"{file}: nav.altimeters: {device.name!r} is a multi-beam altimeter, which gives no height; only "
+                "[nav.terrain_position] uses it"
+            )
 
 
 def _down_component(device: Device) -> float:
@@ -121,14 +126,16 @@ def _check_radio(nav: Nav, devices: list[str], file: str) -> None:
         raise ConfigError(f"{file}: {text}; allowed: {_join_names(nav.altimeters)}")
 
 
-def _check_terrain_position(nav: Nav, file: str) -> None:
+def _check_terrain_position(config: Config, file: str) -> None:
+    nav = config.nav
     if nav.terrain_position is None:
         return
     if missing := [table for table in ("filter", "terrain") if getattr(nav, table) is None]:
         raise ConfigError(f"{file}: nav.terrain_position: needs [nav.{missing[0]}]")
-    if nav.terrain_position.altimeter not in nav.altimeters:
-        text = f"nav.terrain_position.altimeter: {nav.terrain_position.altimeter!r} is not in nav.altimeters"
-        raise ConfigError(f"{file}: {text}; allowed: {_join_names(nav.altimeters)}")
+    allowed = [*nav.altimeters, *(device.name for device in config.device if is_multibeam(device))]
+    if nav.terrain_position.altimeter not in allowed:
+        text = f"{nav.terrain_position.altimeter!r} is neither in nav.altimeters nor a multi-beam altimeter"
+        raise ConfigError(f"{file}: nav.terrain_position.altimeter: {text}; allowed: {_join_names(allowed)}")
 
 
 def _check_filter(config: Config, devices: list[str], file: str) -> None:

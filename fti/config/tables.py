@@ -233,7 +233,14 @@ class Altimeter(StrictModel):
     The defaults of the limits over known terrain are those of Spiegel 2018, table 3.2.
     """
 
-    kind: Annotated[Literal["radar", "laser"], key("principle of measurement", NO_UNIT, "radar")]
+    kind: Annotated[
+        Literal["radar", "laser", "multibeam"],
+        key(
+            "principle of measurement; multibeam: ranges along several laser beams, for [nav.terrain_position] only",
+            NO_UNIT,
+            "radar",
+        ),
+    ]
     range_m: Annotated[tuple[Metres, Metres], key("smallest and largest range that is used", "m", [0.0, 760.0])]
     max_roll_deg: Annotated[Positive, key("largest roll, to either side; beyond it samples are not used", "deg")] = 30.0
     max_pitch_deg: Annotated[Positive, key("largest pitch, up or down; beyond it samples are not used", "deg")] = 30.0
@@ -547,7 +554,14 @@ class TerrainPositionTable(StrictModel):
     Needs ``[nav.filter]`` and ``[nav.terrain]``.
     """
 
-    altimeter: Annotated[Name, key("device of nav.altimeters whose heights make the profile", NO_UNIT, "radalt")]
+    altimeter: Annotated[
+        Name,
+        key(
+            "device of nav.altimeters whose heights make the profile, or an altimeter of the kind multibeam",
+            NO_UNIT,
+            "radalt",
+        ),
+    ]
     window_s: Annotated[
         float,
         Field(ge=5.0, le=120.0),
@@ -666,6 +680,11 @@ class Nav(StrictModel):
     unstated_sd: Annotated[UnstatedSd, key("[nav.unstated_sd]", NO_UNIT)] = UnstatedSd()
     alert_limits: Annotated[AlertLimits, key("[nav.alert_limits]", NO_UNIT)] = AlertLimits()
     limits: Annotated[SourceLimits, key("[nav.limits]", NO_UNIT)] = SourceLimits()
+
+
+def is_multibeam(device: Device) -> bool:
+    """Whether it is configured as an altimeter with several beams, which measures ranges along them and no height."""
+    return device.altimeter is not None and device.altimeter.kind == "multibeam"
 
 
 def position_sources(nav: Nav) -> tuple[str, ...]:

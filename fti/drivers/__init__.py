@@ -16,6 +16,7 @@ A driver is a module of this package whose name does not begin with ``_``.  In t
     ``command(name, args, options) -> bytes``    the bytes of a command; ValueError with the allowed values if it or an
                                                  argument is unknown, missing or out of range
     ``INERTIAL``     True if it gives specific force and angular rate; otherwise optional
+    ``BEAMS``        True if it gives ranges along several beams; otherwise optional
 
 Every input byte is framed, held or counted as skipped:
 ``bytes_in == framed + held + sum(skipped.values())``.
@@ -131,6 +132,11 @@ def load(name: str) -> Driver:
         raise ValueError(f"no driver {name!r}; there are {', '.join(names())}{did_you_mean(name, names())}")
     module: Driver = importlib.import_module(f"{__name__}.{name}")
     return module
+
+
+def has_beams(driver: Driver) -> bool:
+    """Does the driver provide ranges along several beams?"""
+    return bool(getattr(driver, "BEAMS", False))
 
 
 def is_inertial(driver: Driver) -> bool:

@@ -51,6 +51,7 @@ MESSAGES = {
     "(other)": "another message, by its number",
 }
 CARRIERS = frozenset({"udp"})
+BEAMS = True
 
 START = b"MBRA"
 HEADER = struct.Struct("<4sHBBIQH")

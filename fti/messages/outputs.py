@@ -292,11 +292,11 @@ class PositionFix(Message, kw_only=True):
 
 
 class TerrainFix(Message, kw_only=True):
-    """Position from the comparison of a height profile with known terrain.
+    """Position from the comparison of an altimeter's profile with known terrain.
 
     t_valid_ns : time of the position, the middle of the profile [ns]; repeated twice a second until the next profile
     unchecked  : MAP_UNVERIFIED while no satellites could show that the map is displaced
-    method     : "profile": heights below the track
+    method     : "profile": heights below the track; "beams": ranges of all beams of a multi-beam altimeter
     is_search  : a search without a certain position; its fixes count after three that agree
     lat, lon   : of P at t_valid_ns; also of a fix that is refused, if the profile has a best place
     north_sd, east_sd, correlation : one sigma of each axis with respect to the map, and their correlation
@@ -306,7 +306,7 @@ class TerrainFix(Message, kw_only=True):
     ambiguity  : probability of the next best place over that of the best
     noise_ratio : RMS of the residuals over their stated sigma, at least 1; part of the sigmas
     reach      : largest shift that was searched, each way [m]
-    samples, length : number of heights of the profile, and its length over ground [m]
+    samples, length : number of heights of the profile, or of frames of all beams, and its length over ground [m]
     """
 
     t_ns: Nanoseconds

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from fti.config import Config
-from fti.messages.measurements import Measurement
+from fti.messages.measurements import BeamRange, Measurement
 from fti.messages.outputs import Event, HeightAboveGround, Output
 from fti.messages.refusals import CarriedRefusal
 from fti.nav.confirmation import Confirmation, Size
@@ -69,6 +69,15 @@ class Fallbacks:
             self._radio.feed_height(height, nav)
         if self._observer:
             self._observer.feed_height(height, nav)
+
+    def takes_beams(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of a kind of a device are beams for the position from the ground."""
+        return self._ground is not None and self._ground.accepts(device, kind)
+
+    def feed_beam(self, beam: BeamRange, t_ns: int, state_at: Callable[[int], NavState]) -> None:
+        """Take a range of a multi-beam altimeter, valid at t_ns.  state_at : navigation at a time"""
+        if self._ground:
+            self._ground.feed_beam(beam, t_ns, state_at)
 
     def is_excluded(self, altimeter: str) -> bool:
         """Whether the filter excludes an altimeter from aiding."""

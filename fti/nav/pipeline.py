@@ -136,6 +136,8 @@ class Pipeline:
         if issubclass(kind, (RadioHeight, Range)):
             channel = self._altimeters.get(device)
             return (partial(self._feed_altimeter, channel),) if channel else ()
+        if self._fallbacks and self._fallbacks.takes_beams(device, kind):
+            return (partial(self._fallbacks.feed_beam, state_at=self._navigation.at),)
         source, handlers = self._sources.get(device), list[MeasurementHandler]()
         if self._fallbacks:
             handlers += self._fallbacks.handlers(device, kind)

@@ -2,6 +2,8 @@
 
     profile      every shift of the search area is compared; position and covariance are those of the likelihood.  This
                  method aids the filter in flight
+    beams        of a multi-beam altimeter, in flight as well: the same with the measured points of all beams, weighted
+                 by the angle between beam and slope
     five_point   the five-point search of the source instead of every shift, then the likelihood around its end
     printed      metric and covariance as the source prints them; it has no test that refuses a fix
     vertical     of a radar: its range is taken as the height straight below, without beam and attitude
@@ -29,7 +31,8 @@ from fti.config import Altimeter
 from fti.nav.altimetry.expected_range import make_radar
 from fti.nav.height_profile import HeightProfile, ProfileSamples
 from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
-from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match, without_position
+from fti.nav.terrain_matching.beam_profile import BeamTrack, match_beams
+from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal, match, without_position
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_matching.printed_metric import matching_covariance, mean_absolute_residual
 from fti.nav.terrain_matching.profile import Profile
@@ -60,16 +63,13 @@ class MatchTask:
     """A profile, and what is known before it is matched.
 
     height_sd : one sigma of the navigated height [m];  reach_m : largest shift that is searched, each way [m]
-    independent_share, drift_sd, position_cov : as of ``match``
     """
 
     heights: HeightProfile
     height_sd: float
     reach_m: float
     limits: MatchLimits
-    independent_share: float
-    drift_sd: float
-    position_cov: Array | None
+    priors: MatchPriors
 
     def search_area(self) -> tuple[Profile, TerrainWindow, Lattice]:
         """The profile, and the ground and the shifts to compare it with."""
@@ -77,15 +77,7 @@ class MatchTask:
 
     def solve(self, profile: Profile, window: TerrainWindow, lattice: Lattice) -> MatchFix:
         """The fix by the likelihood."""
-        return match(
-            window,
-            profile,
-            lattice,
-            self.limits,
-            independent_share=self.independent_share,
-            drift_sd=self.drift_sd,
-            position_cov=self.position_cov,
-        )
+        return match(window, profile, lattice, self.limits, self.priors)
 
 
 class TerrainMethod(Protocol):
@@ -103,13 +95,24 @@ class ExhaustiveSearch:
         return task.solve(*task.search_area())
 
 
+class BeamSearch:
+    """Every shift of the search area, with the measured points of all beams."""
+
+    def match(self, task: MatchTask) -> MatchFix:
+        """The fix by the likelihood, with the weights of the slopes that it finds."""
+        of = task.heights.samples
+        poses = Poses.stationary(of.origins, np.broadcast_to(np.eye(3), (len(of.t), 3, 3)))
+        track = BeamTrack(of.t, poses, of.axes[:, None], of.ranges[:, None], of.range_sds, of.dem_sds, task.height_sd)
+        return match_beams(task.heights.ground.terrain, track, task.reach_m, task.limits, task.priors)
+
+
 class FivePointSearch:
     """The five-point search, which may end in a local minimum: other minima are not known to it."""
 
     def match(self, task: MatchTask) -> MatchFix:
         """The fix by the likelihood around the end of the search."""
         profile, window, lattice = task.search_area()
-        likelihood = Likelihood(window, profile, task.drift_sd)
+        likelihood = Likelihood(window, profile, task.priors.drift_sd)
         end, _ = five_point_search(likelihood.chi_square, 2.0 * task.reach_m, window.cell_m)
         furthest = lattice.steps * lattice.stride
         east, north = np.clip(np.rint(end / window.cell_m).astype(int), -furthest, furthest).tolist()
@@ -165,7 +168,9 @@ class ClosedLoop:
         surface = apparent_surface(
             self._radar, task.heights.ground.terrain, track.poses, NODE_M, CLOSED_REACH_M + MARGIN_M
         )
-        task = replace(task, position_cov=None)  # of the distance from the first fix it says nothing
+        task = replace(
+            task, priors=replace(task.priors, position_cov=None)
+        )  # of the distance from the first fix it says nothing
         fix = task.solve(track.profile, surface.refine(round(NODE_M)), Lattice(CLOSED_REACH_M))
         return replace(fix, shift=fix.shift + step[:2], up=fix.up + step[2], refusals=fix.refusals | first.refusals)
 
@@ -210,15 +215,16 @@ class MethodEntry:
 
     about: str
     make: Callable[[Altimeter], TerrainMethod]
-    kinds: frozenset[str] = frozenset({"laser", "radar"})
+    kinds: frozenset[str] = frozenset({"laser", "radar", "multibeam"})
 
 
 _RADAR = frozenset({"radar"})
-#: The method that aids the filter.
-IN_FLIGHT = "profile"
+#: The method that aids the filter, and that of a multi-beam altimeter.
+IN_FLIGHT, BEAMS = "profile", "beams"
 METHODS: Mapping[str, MethodEntry] = MappingProxyType(
     {
         IN_FLIGHT: MethodEntry("every shift, likelihood", lambda _: ExhaustiveSearch()),
+        BEAMS: MethodEntry("every shift with all beams, likelihood", lambda _: BeamSearch(), frozenset({"multibeam"})),
         "five_point": MethodEntry("five-point search, likelihood", lambda _: FivePointSearch()),
         "printed": MethodEntry("metric and covariance as printed in the source", lambda _: PrintedMetric()),
         "vertical": MethodEntry("range as height straight below, likelihood", lambda _: VerticalRange(), _RADAR),

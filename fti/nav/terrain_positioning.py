@@ -1,8 +1,9 @@
-"""Live position from the ground: height profiles in succession, matched with known terrain, aid the filter.
+"""Live position from the ground: profiles of an altimeter in succession, matched with known terrain, aid the filter.
 
-A profile lasts ``window_s``.  In its middle the filter marks its position (``fti.nav.filter.position_mark``); at its
-end the fix, with the covariance of its likelihood, corrects that mark.  Profiles do not overlap, and a height that aids
-the altitude of the filter is not part of one: each sample is used once.
+A profile has the heights of an altimeter with one beam, or the ranges of all beams of a multi-beam altimeter, and lasts
+``window_s``.  In its middle the filter marks its position (``fti.nav.filter.position_mark``); at its end the fix, with
+the covariance of its likelihood, corrects that mark.  Profiles do not overlap, and a height that aids the altitude of
+the filter is not part of one: each sample is used once.
 
 A search begins without a certain position: it reaches five sigma, at most ``MAX_REACH_M``, and three fixes in
 succession must agree before one aids.  With satellites, and after such a search, the position is certain: each fix aids
@@ -17,7 +18,7 @@ Configured by ``[nav.terrain_position]``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,18 +26,26 @@ import numpy as np
 from msgspec.structs import replace
 
 from fti.arrays import Array
-from fti.config import Device, TerrainPositionTable
+from fti.config import Device, TerrainPositionTable, is_multibeam
 from fti.constants import SECOND_NS
 from fti.geodesy.formulas import metres_per_radian
+from fti.messages.measurements import BeamRange, Measurement
 from fti.messages.outputs import Event, HeightAboveGround, TerrainFix
 from fti.messages.reasons import Reason
 from fti.nav.altimetry.compensation import mounting_of
 from fti.nav.filter.position_mark import TERRAIN_POSITION, MarkedPosition, PositionMark
-from fti.nav.height_profile import HeightProfile
+from fti.nav.height_profile import (
+    BEAM_PERIOD_NS,
+    PERIOD_NS,
+    HeightProfile,
+    MeasuredRange,
+    range_of_beam,
+    range_of_height,
+)
 from fti.nav.separation.copies import largest_sd
 from fti.nav.terrain_matching.acquisition import Acquisition
-from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal
-from fti.nav.terrain_methods import IN_FLIGHT, METHODS, MatchTask, TerrainObserver
+from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal
+from fti.nav.terrain_methods import BEAMS, IN_FLIGHT, METHODS, MatchTask, TerrainObserver
 from fti.nav.terrain_reference import Ground
 
 if TYPE_CHECKING:
@@ -55,8 +64,6 @@ LOST_COUNT, CONTRADICTION_COUNT = 3, 2
 LATE_NS = 200_000_000
 #: Repetition of the last fix, and its greatest age in profiles.
 REPEAT_NS, MAX_AGE_PROFILES = 500_000_000, 3
-#: Errors of elevation of 30 m and 300 m length: samples that are closer count less.  Measured: error over sigma 0.9.
-CORRELATED_M = 40.0
 #: Least sigma of a velocity of the filter for the drift within a profile [m/s].
 MIN_DRIFT_MPS = 0.05
 REASON_OF = {
@@ -93,13 +100,15 @@ class TerrainPosition:
         observer: TerrainObserver | None = None,
     ) -> None:
         self._settings, self._aided, self._observer = settings, aided, observer
-        altimeter = devices[settings.altimeter]
-        self._mounting = mounting_of(altimeter)
-        assert altimeter.altimeter is not None
-        self._method = METHODS[IN_FLIGHT].make(altimeter.altimeter)
+        self._device = devices[settings.altimeter]
+        self._mounting = mounting_of(self._device)
+        assert self._device.altimeter is not None
+        self._method_name = BEAMS if is_multibeam(self._device) else IN_FLIGHT
+        self._method = METHODS[self._method_name].make(self._device.altimeter)
         self._span_ns = round(settings.window_s * SECOND_NS)
         self._limits = MatchLimits(max_sd_m=settings.max_sd_m)
         self._profile: HeightProfile | None = None
+        self._nav: NavState | None = None  # at the time of the last beam
         self._mark: _Mark | None = None
         self._acquisition = Acquisition(MIN_DRIFT_MPS)
         self._is_search, self._lost, self._refused = True, 0, 0
@@ -115,17 +124,31 @@ class TerrainPosition:
 
     def set_terrain(self, ground: Ground | None) -> None:
         """Set the known ground; a profile over another one is dropped."""
-        self._profile, self._mark = HeightProfile(self._mounting, ground) if ground else None, None
+        period_ns = BEAM_PERIOD_NS if self._method_name == BEAMS else PERIOD_NS
+        self._profile, self._mark = HeightProfile(self._mounting, ground, period_ns) if ground else None, None
+
+    def accepts(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of a kind of a device are beams of the profile."""
+        return self._method_name == BEAMS and device == self._device.name and issubclass(kind, BeamRange)
+
+    def feed_beam(self, beam: BeamRange, t_ns: int, state_at: Callable[[int], NavState]) -> None:
+        """Take a range of the multi-beam altimeter, valid at t_ns.  state_at : navigation at a time"""
+        profile = self._profile
+        if profile is None or not (profile.is_due(t_ns) or profile.is_last(t_ns)):
+            return
+        if self._nav is None or self._nav.t_ns != t_ns:
+            self._nav = state_at(t_ns)
+        measured = range_of_beam(beam, t_ns, self._device, self._nav.attitude)
+        if profile.is_due(t_ns):
+            self._add(profile, t_ns, measured, self._nav)
+        elif measured is not None:
+            profile.add_beam(measured)
 
     def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
         """Take an output of the altimeter that does not aid the altitude of the filter."""
         if self._profile is None or height.sensor != self._settings.altimeter or height.t_valid_ns is None:
             return
-        estimate = self._aided.estimate(height.t_valid_ns) if nav.attitude else None
-        if nav.attitude is None or estimate is None:
-            self._drop()
-        elif not self._profile.add(height, estimate, nav.attitude):
-            self._mark = None
+        self._add(self._profile, height.t_valid_ns, range_of_height(height, self._mounting), nav)
 
     def tick(self, t_ns: int) -> list[TerrainFix | Event]:
         """Mark the middle of a profile, match it at its end, repeat the last fix; events."""
@@ -145,6 +168,14 @@ class TerrainPosition:
         return out
 
     # -------------------------------------------------------------------------------------------------------- profiles
+
+    def _add(self, profile: HeightProfile, t_ns: int, measured: MeasuredRange | None, nav: NavState) -> None:
+        """Add a range to the profile, which ends without a navigated state."""
+        estimate = self._aided.estimate(t_ns) if nav.attitude else None
+        if nav.attitude is None or estimate is None:
+            self._drop()
+        elif measured is not None and not profile.add(t_ns, measured, estimate, nav.attitude):
+            self._mark = None
 
     def _drop(self) -> None:
         if self._profile is not None:
@@ -170,7 +201,7 @@ class TerrainPosition:
         is_search = self._is_search and not self._is_certain(mark.estimate)
         fix = TerrainFix(
             t_ns=t_ns, t_valid_ns=mark.estimate.t_ns, valid=False, reasons=(Reason.TOO_FEW_HEIGHTS,),
-            is_search=is_search, map_sd=self._settings.map_sd_m,
+            method=self._method_name, is_search=is_search, map_sd=self._settings.map_sd_m,
             reach=reach_m(mark.estimate, self._settings.map_sd_m, SEARCH_SIGMAS if is_search else TRACK_SIGMAS),
             samples=len(heights), length=heights.length_m,
         )  # fmt: skip
@@ -194,9 +225,11 @@ class TerrainPosition:
             height_sd=float(mark.estimate.sd_n[2]),
             reach_m=fix.reach or MIN_REACH_M,
             limits=self._limits,
-            independent_share=independent_share(heights.length_m, len(heights), CORRELATED_M),
-            drift_sd=drift_sd(mark.estimate),
-            position_cov=None if fix.is_search else level_cov(mark.estimate, self._settings.map_sd_m),
+            priors=MatchPriors(
+                independent_share=heights.independent_share,
+                drift_sd=drift_sd(mark.estimate),
+                position_cov=None if fix.is_search else level_cov(mark.estimate, self._settings.map_sd_m),
+            ),
         )
 
     def _use(self, found: MatchFix, fix: TerrainFix, mark: _Mark, ground: Ground) -> None:
@@ -278,14 +311,6 @@ def level_cov(estimate: Estimate, map_sd: float) -> Array:
 def drift_sd(estimate: Estimate) -> float:
     """One sigma of the horizontal velocity [m/s]."""
     return max(float(estimate.sd_n[3:5].max()), MIN_DRIFT_MPS)
-
-
-def independent_share(length_m: float, samples: int, correlated_m: float) -> float:
-    """Number of independent errors of elevation over the number of samples.
-
-    length_m : of the profile [m];  correlated_m : distance of samples whose errors are independent [m]
-    """
-    return min(max(length_m, 1.0) / samples / correlated_m, 1.0)
 
 
 def place_of(found: MatchFix, marked: Estimate, terrain: Terrain) -> tuple[float, float]:

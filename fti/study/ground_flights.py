@@ -17,7 +17,7 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 
@@ -258,25 +258,28 @@ MakePosition = Callable[[GroundCase, Sensors, Ground, AidedNavigation], GroundPo
 class LaserPosition:
     """The live position from the ground with the laser along the body's z axis."""
 
+    #: Of the configured altimeter.
+    kind: ClassVar[Literal["laser", "multibeam"]] = "laser"
+
     def __init__(self, case: GroundCase, sensors: Sensors, known: Ground, aided: AidedNavigation) -> None:
-        laser = Altimeter(kind="laser", range_m=(1.0, LASER.max_range), sd_m=LASER_SD_M)
+        laser = Altimeter(kind=self.kind, range_m=(1.0, LASER.max_range), sd_m=LASER_SD_M)
         devices = {"laser": Device(name="laser", link="l", driver="d", altimeter=laser)}
         settings = TerrainPositionTable(altimeter="laser", window_s=case.window_s or 0.0, map_sd_m=case.map_sd)
-        self._sensors, self._position = sensors, TerrainPosition(settings, devices, aided)
-        self._position.set_terrain(known)
+        self.sensors, self.position = sensors, TerrainPosition(settings, devices, aided)
+        self.position.set_terrain(known)
 
     @property
     def is_contradicting(self) -> bool:
         """Whether the last fixes contradict the filter."""
-        return self._position.is_contradicting
+        return self.position.is_contradicting
 
     def feed(self, k: int) -> None:
         """Take the range of the time ``height_t[k]`` of the sensors."""
-        _feed_height(self._position, self._sensors, k)
+        _feed_height(self.position, self.sensors, k)
 
     def tick(self, t_ns: int) -> Sequence[TerrainFix | Event]:
         """Outputs of the live position."""
-        return self._position.tick(t_ns)
+        return self.position.tick(t_ns)
 
 
 def _filter(case: GroundCase) -> AidedNavigation:
@@ -350,15 +353,22 @@ def _feed_satellites(aided: AidedNavigation, sensors: Sensors, case: GroundCase,
 
 
 def _feed_height(position: TerrainPosition, sensors: Sensors, k: int) -> None:
-    t_ns, truth, value = round(float(sensors.height_t[k]) * SECOND_NS), sensors.height_truth, float(sensors.ranges[k])
-    roll, pitch, heading = (float(getattr(truth, name)[k]) for name in ("roll", "pitch", "heading"))
-    nearest = value * math.cos(roll) * math.cos(pitch)
+    nav, value = state_at_height(sensors, k), float(sensors.ranges[k])
+    assert nav.attitude is not None
+    t_ns, nearest = nav.t_ns, value * math.cos(nav.attitude.roll) * math.cos(nav.attitude.pitch)
     height = HeightAboveGround(
         t_ns=t_ns, t_valid_ns=t_ns, sensor="laser", raw=value, height_agl=nearest, sd=LASER_SD_M, valid=True,
         reasons=(), nearest=nearest, nearest_sd=LASER_SD_M,
     )  # fmt: skip
+    position.feed_height(height, nav)
+
+
+def state_at_height(sensors: Sensors, k: int) -> NavState:
+    """The attitude at the time ``height_t[k]`` of the sensors."""
+    truth = sensors.height_truth
+    roll, pitch, heading = (float(getattr(truth, name)[k]) for name in ("roll", "pitch", "heading"))
     attitude = AttitudeState(roll, pitch, heading, 0.001, 0.001)
-    position.feed_height(height, NavState(t_ns, attitude, None, "imu", None))
+    return NavState(round(float(sensors.height_t[k]) * SECOND_NS), attitude, None, "imu", None)
 
 
 def _collect(run: GroundRun, output: TerrainFix | Event, sensors: Sensors, t: float) -> None:

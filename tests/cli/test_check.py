@@ -555,11 +555,39 @@ def test_the_filter_and_the_position_from_the_ground_are_listed(capsys: pytest.C
     assert "ground      profiles of altimeter, 15 s each, aid the filter" in printed
 
 
+def test_a_multi_beam_altimeter_is_listed_with_the_position_from_the_ground(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(ROOT / "configs" / "terrain_position_beams.toml")]) == 0
+    assert "ground      profiles of altimeter with all beams, 15 s each, aid the filter" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "error"),
+    [
+        ('position = ["receiver"]', 'position = ["receiver"]\naltimeters = ["altimeter"]', "gives no height"),
+        ('driver = "multibeam_altimeter"', 'driver = "nmea0183"', "drivers that do: multibeam_altimeter"),
+        ('altimeter = "altimeter"\n', 'altimeter = "ins"\n', "'ins' is neither in nav.altimeters nor a multi-beam"),
+    ],
+)
+def test_a_wrong_multi_beam_altimeter_is_one_sentence(
+    before: str, after: str, error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "configs" / "terrain_position_beams.toml").read_text()
+    assert before in text
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(text.replace(before, after))
+    assert main(["check", str(wrong)]) == 2
+    assert error in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("before", "after", "error"),
     [
         ("[nav.filter]\nimu", "[nav.limits]\n#", "nav.terrain_position: needs [nav.filter]"),
-        ('altimeter = "altimeter"', 'altimeter = "laser"', "'laser' is not in nav.altimeters; allowed: altimeter"),
+        (
+            'altimeter = "altimeter"',
+            'altimeter = "laser"',
+            "'laser' is neither in nav.altimeters nor a",
+        ),
         ("window_s = 15.0", "window_s = 500.0", "nav.terrain_position.window_s = 500"),
     ],
 )

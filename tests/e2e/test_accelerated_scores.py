@@ -30,6 +30,7 @@ DURATIONS = {
     "pattern": 32.0,
     "recorded": 20.0,
     "table": 35.0,
+    "terrain_beams": 75.0,
     "terrain_map_off": 40.0,
     "terrain_outage": 75.0,
     "terrain_ramp": 115.0,

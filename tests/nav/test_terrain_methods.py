@@ -10,34 +10,39 @@ import math
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from fti.arrays import Array
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.messages.measurements import BeamRange, Stamp
 from fti.messages.outputs import HeightAboveGround
 from fti.nav.altimetry.compensation import mounting_of
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate
-from fti.nav.height_profile import HeightProfile
+from fti.nav.height_profile import HeightProfile, range_of_beam, range_of_height
 from fti.nav.source_interpolation import AttitudeState
-from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal
+from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal
 from fti.nav.terrain_methods import METHODS, MatchTask, methods_for, poses_of
 from fti.nav.terrain_reference import Ground
 from fti.ranging.laser import Laser
+from fti.ranging.multibeam import MultiBeam, beams_across
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.sensor import Poses
 from fti.study.ground_flights import relief
 from fti.terrain.terrain import Terrain
 
-STATED_SD_M = {"laser": 0.3, "radar": 2.0}
+STATED_SD_M = {"laser": 0.3, "radar": 2.0, "multibeam": 0.3}
 SAMPLES, SPEED_MPS, CLEARANCE_M, MAX_BANK = 75, 60.0, 150.0, math.radians(15.0)
 #: True minus navigated position, east and north [m].
 SHIFT = np.array([-40.0, 25.0])
+BEAMS = beams_across(5)
 ALTIMETERS = {
     "laser": Altimeter(kind="laser", range_m=(1.0, 3000.0)),
     "radar": Altimeter(kind="radar", range_m=(1.0, 1500.0), beam_deg=40.0),
+    "multibeam": Altimeter(kind="multibeam", range_m=(1.0, 3000.0), sd_m=0.3),
 }
 
 
@@ -45,9 +50,11 @@ def measured(kind: str, ground: Terrain, poses: Poses, rng: np.random.Generator)
     width = math.radians(40.0)
     sensor = {
         "laser": Laser(max_range=3000.0),
+        "multibeam": MultiBeam(Laser(max_range=3000.0), BEAMS),
         "radar": RadarAltimeter(antenna=cosine_antenna(width, width), order=40, max_range=1500.0),
     }[kind]
-    return sensor.measure(ground, poses).slant_range + 0.3 * rng.standard_normal(len(poses))
+    ranges = sensor.measure(ground, poses).slant_range
+    return np.asarray(ranges + 0.3 * rng.standard_normal(ranges.shape))
 
 
 def task(kind: str, ground: Terrain, known: Terrain) -> MatchTask:
@@ -62,7 +69,7 @@ def task(kind: str, ground: Terrain, known: Terrain) -> MatchTask:
     mats = ground.frame.mat_ln(lat, lon) @ mat_from_rpy(rolls, np.zeros(SAMPLES), np.full(SAMPLES, heading))
     ranges = measured(kind, ground, Poses.stationary(navigated + np.append(SHIFT, 0.0), mats), rng)
     vel_e = ground.frame.mat_le.T @ (SPEED_MPS * np.array([0.6, 0.8, 0.0]))
-    for k, value in enumerate(ranges.tolist()):
+    for k, (value, *others) in enumerate(ranges.reshape(SAMPLES, -1).tolist()):
         t_ns = round(t[k] * 1e9)
         y = np.concatenate((ecef_from_geodetic(lat[k], lon[k], alt[k]), vel_e, [1.0, 0.0, 0.0, 0.0], np.zeros(6)))
         height = HeightAboveGround(
@@ -70,9 +77,22 @@ def task(kind: str, ground: Terrain, known: Terrain) -> MatchTask:
             nearest=value, nearest_sd=sd,
         )  # fmt: skip
         estimate = Estimate(t_ns, y, np.eye(15), np.zeros(6), FilterModel())
-        heights.add(height, estimate, AttitudeState(float(rolls[k]), 0.0, heading, 0.001, 0.001))
+        attitude = AttitudeState(float(rolls[k]), 0.0, heading, 0.001, 0.001)
+        beams = [BeamRange(stamp=Stamp(t_ns), beam="", along=a, across=c, slant_range=0.0) for a, c in BEAMS]
+        if kind == "multibeam":
+            first, *rest = (
+                range_of_beam(structs.replace(beam, slant_range=each), t_ns, device, attitude)
+                for beam, each in zip(beams, (value, *others), strict=True)
+            )
+        else:
+            first, rest = range_of_height(height, mounting_of(device)), []
+        assert first is not None
+        heights.add(t_ns, first, estimate, attitude)
+        for each in rest:
+            assert each is not None
+            heights.add_beam(each)
     assert len(heights) == SAMPLES
-    return MatchTask(heights, 3.0, 150.0, MatchLimits(), 0.3, 0.05, None)
+    return MatchTask(heights, 3.0, 150.0, MatchLimits(), MatchPriors(0.3, 0.05))
 
 
 def fixes(kind: str) -> tuple[dict[str, MatchFix], dict[str, float]]:
@@ -95,12 +115,21 @@ def test_methods_of_a_laser() -> None:
 
 def test_the_better_a_radar_is_modelled_the_better_is_its_fix() -> None:
     found, errors = fixes("radar")
-    assert set(found) == set(METHODS)
+    assert set(found) == set(METHODS) - {"beams"}
     assert errors["closed_loop"] < 3.0
     assert errors["closed_loop"] < errors["profile"] < errors["vertical"]
     assert found["closed_loop"].is_usable
     assert found["profile"].is_usable
     assert found["vertical"].refusals == {Refusal.RESIDUAL}
+
+
+def test_five_beams_determine_the_position_better_than_one() -> None:
+    found, errors = fixes("multibeam")
+    assert set(found) == {"profile", "beams", "five_point", "printed"}
+    assert errors["beams"] < 1.0
+    assert found["beams"].is_usable
+    one, _ = fixes("laser")
+    assert np.trace(found["beams"].cov) < 0.5 * np.trace(one["profile"].cov)
 
 
 @pytest.mark.parametrize("kind", ALTIMETERS)

@@ -37,9 +37,9 @@ from msgspec import Struct
 from fti.config import Altimeter
 from fti.messages.reasons import Reason
 
-#: Limits of a laser and of a radar [m], [deg]: table 3.2; a quarter of the power.
-DEVIATION_M = {"laser": 5.0, "radar": 10.0}
-INCIDENCE_DEG = {"laser": 75.0, "radar": 60.0}
+#: Limits of a laser, of a radar and of a laser with several beams [m], [deg]: table 3.2; a quarter of the power.
+DEVIATION_M = {"laser": 5.0, "radar": 10.0, "multibeam": 5.0}
+INCIDENCE_DEG = {"laser": 75.0, "radar": 60.0, "multibeam": 75.0}
 #: A deviation within so many sigmas of position, attitude, terrain and device is valid.
 SIGMAS = 3.0
 #: A comparison is conclusive while a deviation of this multiple of the limit is refused.

@@ -19,17 +19,15 @@ Source: Spiegel 2018, section 4.6; eq. 2.37 to 2.40 (measured point).
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 
 from fti.arrays import Array
 from fti.geodesy.rotations import rotate
-from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, match
+from fti.nav.terrain_matching.fix import NO_PRIORS, USUAL_LIMITS, MatchFix, MatchLimits, MatchPriors, match
 from fti.nav.terrain_matching.profile import Profile
-from fti.nav.terrain_matching.search import Lattice
-from fti.nav.terrain_matching.window import cut_window
+from fti.nav.terrain_matching.reach import search_area
 from fti.ranging.sensor import Poses
 from fti.terrain.terrain import Terrain
 
@@ -45,7 +43,7 @@ class BeamTrack:
     directions_s : unit vectors of the beams in the sensor frame, shape (B, 3) or, of steered beams, (K, B, 3)
     slant_range  : measured [m], shape (K, B); NaN without a return
     range_sd     : one sigma of the independent error of a range [m]
-    dem_sd       : one sigma of the independent error of the elevation [m]
+    dem_sd       : one sigma of the independent error of the elevation [m];  both: one value, or one for each time (K,)
     height_sd    : one sigma of the common error: navigated height, datum [m]
     """
 
@@ -53,8 +51,8 @@ class BeamTrack:
     poses: Poses
     directions_s: Array
     slant_range: Array
-    range_sd: float
-    dem_sd: float
+    range_sd: float | Array
+    dem_sd: float | Array
     height_sd: float
 
     def profile(self, terrain: Terrain | None = None, shift: Array | None = None) -> Profile:
@@ -71,7 +69,11 @@ class BeamTrack:
         if terrain is not None:
             to_east, to_north = np.zeros(2) if shift is None else shift
             slopes = np.nan_to_num(terrain.gradient(east + to_east, north + to_north))  # unknown ground is level
-        sd = np.hypot(self.range_sd * noise_factor(rays[has_return], *slopes), self.dem_sd)
+        range_sd, dem_sd = (
+            np.broadcast_to(np.reshape(sd, (-1, 1)), has_return.shape)[has_return]
+            for sd in (self.range_sd, self.dem_sd)
+        )
+        sd = np.hypot(range_sd * noise_factor(rays[has_return], *slopes), dem_sd)
         t = np.broadcast_to(self.t[:, None], has_return.shape)[has_return]
         return Profile(t, east, north, up, sd, self.height_sd)
 
@@ -85,21 +87,14 @@ def noise_factor(rays: Array, slope_east: Array, slope_north: Array) -> Array:
 def match_beams(
     terrain: Terrain,
     track: BeamTrack,
-    lattice: Lattice,
-    limits: MatchLimits | None = None,
-    *,
-    independent_share: float = 1.0,
-    drift_sd: float = 0.0,
-    position_cov: Array | None = None,
+    reach_m: float,
+    limits: MatchLimits = USUAL_LIMITS,
+    priors: MatchPriors = NO_PRIORS,
 ) -> MatchFix:
-    """The fix of all beams; lattice in cells of the finest layer.  Arguments and errors as of ``match``."""
+    """The fix of all beams with shifts up to ``reach_m`` to each side.  Raises ValueError as ``Profile``."""
     level = track.profile()
-    shifts_east, shifts_north = lattice.shifts(terrain.finest.cell_m)
-    margin_m = float(np.abs([*shifts_east, *shifts_north]).max()) + terrain.finest.cell_m
-    window = cut_window(terrain, level, margin_m)
-    solve = functools.partial(match, independent_share=independent_share, drift_sd=drift_sd, position_cov=position_cov)
-    first = solve(window, level, lattice, limits)
+    window, lattice = search_area(terrain, level, reach_m)
+    first = match(window, level, lattice, limits, priors)
     if not np.isfinite(first.shift).all():
         return first
-    sloped = track.profile(terrain, first.shift)
-    return solve(window, sloped, lattice, limits)
+    return match(window, track.profile(terrain, first.shift), lattice, limits, priors)

@@ -71,6 +71,28 @@ class MatchLimits:
     distance_2: float = 13.8
 
 
+USUAL_LIMITS = MatchLimits()
+
+
+@dataclass(frozen=True, eq=False)
+class MatchPriors:
+    """What is known of the errors of a profile and of the navigated position.
+
+    independent_share : number of independent errors over the number of samples, in (0, 1]: errors of elevation are
+    correlated over tens of metres, and such samples count less
+    drift_sd : one sigma of the drift of the navigated position for each axis [m/s]; 0: it does not drift
+    position_cov : covariance of the navigated position, shape (2, 2) [m^2]; None: a fix at any distance is used.  It
+    does not move the fix; a minimum that it makes less probable than the best one is less of an ambiguity
+    """
+
+    independent_share: float = 1.0
+    drift_sd: float = 0.0
+    position_cov: Array | None = None
+
+
+NO_PRIORS = MatchPriors()
+
+
 @dataclass(frozen=True, eq=False)
 class MatchFix:
     """Result of one profile.
@@ -105,26 +127,16 @@ def match(
     window: TerrainWindow,
     profile: Profile,
     lattice: Lattice,
-    limits: MatchLimits | None = None,
-    *,
-    independent_share: float = 1.0,
-    drift_sd: float = 0.0,
-    position_cov: Array | None = None,
+    limits: MatchLimits = USUAL_LIMITS,
+    priors: MatchPriors = NO_PRIORS,
 ) -> MatchFix:
-    """The fix of a profile, from the samples that are over known ground for every shift.
-
-    independent_share : number of independent errors over the number of samples, in (0, 1]: errors of elevation are
-    correlated over tens of metres, and such samples count less
-    drift_sd : one sigma of the drift of the navigated position for each axis [m/s]; 0: it does not drift
-    position_cov : covariance of the navigated position, shape (2, 2) [m^2]; None: a fix at any distance is used.  It
-    does not move the fix; a minimum that it makes less probable than the best one is less of an ambiguity
-    """
-    limits = limits or MatchLimits()
+    """The fix of a profile, from the samples that are over known ground for every shift."""
+    independent_share, position_cov = priors.independent_share, priors.position_cov
     known = _is_over_known_ground(window, profile, lattice)
     if np.count_nonzero(known) < MIN_SAMPLES:
         return without_position(profile, Refusal.UNKNOWN_GROUND)
     profile = profile.select(known)
-    solutions = _solutions(window, profile, lattice, independent_share, drift_sd)
+    solutions = _solutions(window, profile, lattice, priors)
     likelihood, best = min(solutions, key=lambda solution: solution[1].chi_square)
     if best.step is None:
         return without_position(profile, Refusal.FLAT)
@@ -192,13 +204,13 @@ def without_position(profile: Profile, reason: Refusal) -> MatchFix:
 
 
 def _solutions(
-    window: TerrainWindow, profile: Profile, lattice: Lattice, independent_share: float, drift_sd: float
+    window: TerrainWindow, profile: Profile, lattice: Lattice, priors: MatchPriors
 ) -> list[tuple[Likelihood, Minimum]]:
     """The smallest local minima within the lattice, each with the likelihood that is linear at its drift."""
     chi_square = search_lattice(window, profile, lattice)
-    excess = MAX_EXCESS * _noise_ratio(float(chi_square.min()), profile) ** 2 / independent_share
+    excess = MAX_EXCESS * _noise_ratio(float(chi_square.min()), profile) ** 2 / priors.independent_share
     starts = [_finest(window, profile, lattice, at) for at in _candidates(chi_square, lattice, window.cell_m, excess)]
-    return [_solve(window, profile, start, drift_sd) for start in starts]
+    return [_solve(window, profile, start, priors.drift_sd) for start in starts]
 
 
 def _solve(window: TerrainWindow, profile: Profile, start: Array, drift_sd: float) -> tuple[Likelihood, Minimum]:

@@ -14,7 +14,7 @@ from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.terrain_matching.acquisition import FIXES, Acquisition
 from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
-from fti.nav.terrain_matching.fix import match
+from fti.nav.terrain_matching.fix import MatchPriors, match
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_matching.printed_metric import mean_absolute_residual
 from fti.nav.terrain_matching.profile import Profile
@@ -228,7 +228,7 @@ def _match_uncertain(ground: Terrain, rng: Rng) -> tuple[float, float] | None:
     )
     sd = np.full(SAMPLES, math.hypot(NOISE_M, DEM_ERROR.noise_sd))
     profile = Profile(profile.t, profile.east, profile.north, profile.ground, sd, HEIGHT_SD_M)
-    fix = match(window_around(elevation, profile, lattice), profile, lattice, independent_share=INDEPENDENT_SHARE)
+    fix = match(window_around(elevation, profile, lattice), profile, lattice, priors=MatchPriors(INDEPENDENT_SHARE))
     if not fix.is_usable:
         return None
     return float(np.hypot(*(fix.shift - track.error))), float(np.sqrt(np.linalg.eigvalsh(fix.cov)[-1]))
@@ -282,7 +282,10 @@ def _match_drifting(ground: Terrain, rng: Rng) -> tuple[tuple[float, float], flo
     track = draw_track(ground, rng, POSITION_SD_M * rng.standard_normal(2), drift)
     profile, lattice = track.profile(ground, rng), lattice_over(ground)
     window = window_around(ground, profile, lattice)
-    both, constant = match(window, profile, lattice, drift_sd=DRIFT_SD_MPS), match(window, profile, lattice)
+    both, constant = (
+        match(window, profile, lattice, priors=MatchPriors(drift_sd=DRIFT_SD_MPS)),
+        match(window, profile, lattice),
+    )
     off = both.shift - track.error
     errors = (float(np.hypot(*off)), float(np.hypot(*(constant.shift - track.error))))
     return errors, float(0.5 * off @ np.linalg.solve(both.cov, off))
@@ -364,7 +367,9 @@ def _acquire(ground: Terrain, case: HostileCase, rng: Rng) -> Confirmed | None:
     position_cov = None if case.position_sd_m is None else case.position_sd_m**2 * np.eye(2)
     for number in range(FIXES):
         profile = track.profile(ground, rng, number, is_stuck=case.is_stuck)
-        fix = match(window_around(ground, profile, lattice), profile, lattice, position_cov=position_cov)
+        fix = match(
+            window_around(ground, profile, lattice), profile, lattice, priors=MatchPriors(position_cov=position_cov)
+        )
         if not fix.is_usable:
             return None
         confirmed = acquisition.add(fix)

@@ -11,7 +11,7 @@ from fti.arrays import Array, Ints, Rng
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy, rotate
 from fti.nav.terrain_matching.beam_profile import BeamTrack, match_beams
-from fti.nav.terrain_matching.fix import MatchFix
+from fti.nav.terrain_matching.fix import MatchFix, MatchPriors
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_matching.search import Lattice
 from fti.nav.terrain_matching.window import cut_window
@@ -113,5 +113,6 @@ def sigma(fix: MatchFix) -> float:
 
 
 def fix_of(ground: Terrain, track: BeamTrack, reach_m: float, independent_share: float = 1.0) -> MatchFix:
-    """The fix of a track with shifts up to a reach [m]."""
-    return match_beams(ground, track, lattice_over(ground, reach_m), independent_share=independent_share)
+    """The fix of a track with shifts up to a reach [m], and one cell more."""
+    priors = MatchPriors(independent_share=independent_share)
+    return match_beams(ground, track, reach_m + ground.finest.cell_m, priors=priors)

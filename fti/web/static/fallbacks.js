@@ -52,7 +52,8 @@ function showGround({ sd, validity, root }, output) {
   setText(sd, hasPlace ? `${plusMinus(Math.max(output.north_sd, output.east_sd), 0)} m` : "");
   setText(validity, words.join(", "));
   setAttribute(validity, "data-kind", kind);
-  const from = hasPlace ? `${distance} the filter; ${output.samples} heights over ${fixed(output.length, 0)} m; search to ${fixed(output.reach, 0)} m` : text;
+  const samples = `${output.samples} ${output.method === "beams" ? "frames of beams" : "heights"}`;
+  const from = hasPlace ? `${distance} the filter; ${samples} over ${fixed(output.length, 0)} m; search to ${fixed(output.reach, 0)} m` : text;
   setAttribute(root, "title", from);
 }
 

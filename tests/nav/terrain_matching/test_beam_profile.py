@@ -12,23 +12,22 @@ from fti.arrays import Array
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.terrain_matching.beam_profile import BeamTrack, match_beams, noise_factor
-from fti.nav.terrain_matching.fix import Refusal
+from fti.nav.terrain_matching.fix import MatchPriors, Refusal
 from fti.nav.terrain_matching.likelihood import Likelihood
-from fti.nav.terrain_matching.search import Lattice
 from fti.nav.terrain_matching.window import cut_window
 from fti.ranging.laser import Laser
 from fti.ranging.multibeam import MultiBeam, beams_across
 from fti.ranging.sensor import Poses
 from fti.terrain.terrain import Terrain
-from tests.nav.terrain_matching.grounds import hills
+from tests.nav.terrain_matching.grounds import CELL_M, hills
 
 SAMPLES, UP_M, NOISE_M = 60, 250.0, 1.0
 ERROR, HEIGHT_ERROR = np.array([14.0, -11.0]), 3.0
-#: Positions, rolling by 12 deg, and the lattice of all searches.
+#: Positions, rolling by 12 deg, and the reach of all searches.
 T: Array = np.asarray(0.2 * np.arange(SAMPLES))
 MATS = MAT_ENU_NED @ mat_from_rpy(0.2 * np.sin(T), np.zeros(SAMPLES), np.full(SAMPLES, math.atan2(40.0, 35.0)))
 NAVIGATED = np.column_stack((650.0 + 40.0 * T, 700.0 + 35.0 * T, np.full(SAMPLES, UP_M)))
-LATTICE = Lattice(10)
+REACH_M = 10.0 * CELL_M
 
 
 @functools.cache
@@ -102,7 +101,7 @@ def test_the_error_reaches_the_cramer_rao_bound(number: int) -> None:
     rng, over_bound, nees = np.random.default_rng(number), [], []
     for _ in range(40):
         track = fly(number, NOISE_M * rng.standard_normal((SAMPLES, number)))
-        fix, profile = match_beams(ground(), track, LATTICE), track.profile(ground(), ERROR)
+        fix, profile = match_beams(ground(), track, REACH_M), track.profile(ground(), ERROR)
         information = Likelihood(cut_window(ground(), profile, 20.0), profile).at(ERROR).information
         off = fix.shift - ERROR
         assert fix.is_usable, fix.refusals
@@ -115,21 +114,21 @@ def test_the_error_reaches_the_cramer_rao_bound(number: int) -> None:
 def test_a_drift_of_the_navigated_position_is_estimated_with_all_beams() -> None:
     drift = np.array([0.8, -0.5, 0.0])
     noise = NOISE_M * np.random.default_rng(8).standard_normal((SAMPLES, 9))
-    fix = match_beams(ground(), fly(9, noise, drift=drift), LATTICE, drift_sd=1.0)
+    fix = match_beams(ground(), fly(9, noise, drift=drift), REACH_M, priors=MatchPriors(drift_sd=1.0))
     assert fix.shift == pytest.approx(ERROR, abs=0.5)
     assert fix.drift == pytest.approx(drift[:2], abs=0.15)
 
 
 def test_a_position_that_is_known_better_refuses_the_fix_of_all_beams() -> None:
-    fix = match_beams(ground(), fly(9), LATTICE, position_cov=4.0 * np.eye(2))  # it is 18 m off
+    fix = match_beams(ground(), fly(9), REACH_M, priors=MatchPriors(position_cov=4.0 * np.eye(2)))  # it is 18 m off
     assert fix.refusals == {Refusal.DISAGREES}
 
 
 def test_more_beams_determine_the_position_better() -> None:
-    sigmas = [np.trace(match_beams(ground(), fly(number), LATTICE).cov) for number in (1, 3, 5, 7, 9)]
+    sigmas = [np.trace(match_beams(ground(), fly(number), REACH_M).cov) for number in (1, 3, 5, 7, 9)]
     assert sigmas == sorted(sigmas, reverse=True)
 
 
 def test_unknown_ground_refuses_the_fix_of_all_beams() -> None:
     unknown = ground().with_finest(np.full_like(ground().finest.heights, np.nan))
-    assert match_beams(unknown, fly(3), LATTICE).refusals == {Refusal.UNKNOWN_GROUND}
+    assert match_beams(unknown, fly(3), REACH_M).refusals == {Refusal.UNKNOWN_GROUND}

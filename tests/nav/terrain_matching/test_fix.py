@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from fti.arrays import Array
 from fti.nav.terrain_matching.acquisition import Acquisition
-from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, Refusal, match
+from fti.nav.terrain_matching.fix import USUAL_LIMITS, MatchFix, MatchLimits, MatchPriors, Refusal, match
 from fti.nav.terrain_matching.printed_metric import matching_covariance, mean_absolute_residual
 from fti.nav.terrain_matching.profile import Profile
 from fti.nav.terrain_matching.search import Lattice
@@ -24,8 +24,16 @@ from tests.nav.terrain_matching.grounds import CELL_M, fly, hills
 STEPS = 30
 
 
-def fix_of(ground: Terrain, profile: Profile, steps: int = STEPS, stride: int = 1, **more: Any) -> MatchFix:
-    return match(cut_window(ground, profile, (steps * stride + 1) * CELL_M), profile, Lattice(steps, stride), **more)
+def fix_of(
+    ground: Terrain,
+    profile: Profile,
+    steps: int = STEPS,
+    stride: int = 1,
+    limits: MatchLimits = USUAL_LIMITS,
+    **priors: Any,
+) -> MatchFix:
+    window = cut_window(ground, profile, (steps * stride + 1) * CELL_M)
+    return match(window, profile, Lattice(steps, stride), limits, MatchPriors(**priors))
 
 
 @pytest.mark.parametrize("stride", [1, 3])
