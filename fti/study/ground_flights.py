@@ -178,9 +178,11 @@ class Sensors:
 
     ground : the true one;  truth : states at the inertial samples
     height_t, height_truth, ranges : times [s], states and ranges [m] of the laser
+    further : random numbers for further sensors of a study, independent of these
     """
 
     def __init__(self, case: GroundCase, ground: Terrain, rng: Rng) -> None:
+        self.further = rng.spawn(1)[0]
         self.ground, self.flight = ground, route(ground, case.seconds, rng)
         self.t = np.arange(0.0, case.seconds, STEP_S)
         self.truth = self.flight.state(self.t)

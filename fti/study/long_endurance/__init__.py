@@ -14,7 +14,7 @@ bound is the filter's own sigma, which ``T17.sigma`` judges.  Grounds are the un
                    bootstrap interval inside 0.8 to 1.25
     T17.sigma.*    RMS of error over sigma in the outage, both axes: 0.6 to 1.25
     T17.order      nine beams have a smaller RMS in the outage than one, paired by flight (sign test, p < 0.01)
-    E.*            RMS of the error 100, 250 and 500 s after the begin of the outage, by unit and aid: reported;
+    E.*            RMS of the error 100, 250 and 500 s into the outage, by unit and aid: reported;
                    infinite without a valid position
     T17.hour       one beam and the barometer alone for an hour: with the full number of runs, reported
 """

@@ -24,8 +24,6 @@ from fti.study.ground_flights import (
     state_at_height,
 )
 
-NOISE_SEED = 77
-
 
 class BeamPosition(LaserPosition):
     """The live position from the ground with beams across the track.  number : of beams, a key of table 7.6"""
@@ -54,6 +52,6 @@ def _measure(sensors: Sensors, directions: Array) -> Array:
     poses = poses_of(sensors.ground, sensors.height_truth)
     rays, origins = rotate(poses.mats_ls[:, None], directions), poses.origins_l[:, None]
     ranges = LASER.measure_directions(sensors.ground, origins, rays, directions).slant_range
-    ranges = ranges + LASER_SD_M * np.random.default_rng(NOISE_SEED).standard_normal(ranges.shape)
+    ranges = ranges + LASER_SD_M * sensors.further.standard_normal(ranges.shape)
     ranges[:, directions[:, 2] == 1.0] = sensors.ranges[:, None]
     return np.asarray(ranges)

@@ -18,8 +18,8 @@ STRETCH_S = 100.0
 #: Times since the begin of the outage in the error table [s].
 INSTANTS_S = (100.0, 250.0, 500.0)
 UNITS = ("navigation", "tactical", "mems")
-#: Unit of the targets, of the picture and of the hour.
-UNIT = "tactical"
+#: Unit of the targets, of the picture and of the hour; the others are flown so often for the error table.
+UNIT, OTHER_UNITS_RUNS = "tactical", 10
 #: Aids during the outage beside the barometer, and what gives their positions.
 AIDS: dict[str, MakePosition | None] = {"baro": None, "1": LaserPosition, "9": partial(BeamPosition, 9)}
 NAMES = {"baro": "barometer alone", "1": "1 beam", "9": "9 beams"}
@@ -64,7 +64,7 @@ class Track:
         return float(self.distance[nearest]) if abs(self.t[nearest] - t) <= 1.0 else np.inf
 
 
-#: The tracks of one run by unit and aid.
+#: The tracks of one run by unit and aid; without the other units after ``OTHER_UNITS_RUNS`` runs.
 Tracks = dict[tuple[str, str], Track]
 
 
@@ -83,7 +83,8 @@ def _fly(case: GroundCase, aid: str, seed: int, number: int) -> GroundRun:
 def run(task: tuple[int, int]) -> Tracks:
     """Flight ``number`` of a seed with each unit and aid."""
     seed, number = task
-    return {(unit, aid): _track(fly_with(unit, aid, seed, number)) for unit in UNITS for aid in AIDS}
+    units = UNITS if number < OTHER_UNITS_RUNS else (UNIT,)
+    return {(unit, aid): _track(fly_with(unit, aid, seed, number)) for unit in units for aid in AIDS}
 
 
 def run_hour(task: tuple[int, int]) -> Track:

@@ -76,7 +76,8 @@ def _compare_beams(runs: Sequence[Tracks]) -> Iterator[StudyResult]:
 def _error_table(runs: Sequence[Tracks]) -> Iterator[StudyResult]:
     for unit in UNITS:
         for aid in AIDS:
+            tracks = [run[unit, aid] for run in runs if (unit, aid) in run]
             for instant in INSTANTS_S:
-                error = rms([run[unit, aid].at(OUTAGE_S[0] + instant) for run in runs])
-                words = f"{unit}, {NAMES[aid]}, RMS of the error {instant:g} s after the begin of the outage [m]"
+                error = rms([track.at(OUTAGE_S[0] + instant) for track in tracks])
+                words = f"{unit}, {NAMES[aid]}, RMS {instant:g} s into the outage [m], N = {len(tracks)}"
                 yield StudyResult.reported(f"E.{unit}.{aid}.{instant:g}", words, error)
