@@ -17,8 +17,8 @@ RUNNER = ROOT / "tests" / "vcan" / "run"
 EXIT_NOT_INSTALLED = 77
 
 
-def vm_command(module: str, out: Path) -> list[str]:
-    """The command that runs a module inside, which writes ``found.json``.
+def vm_command(module: str, out: Path, target: str = "found.json") -> list[str]:
+    """The command that runs a module inside, which writes the target, a file or folder in ``out``.
 
     It has the kernels that were compiled outside, where it can write: numba takes none from elsewhere, and to compile
     them takes most of a minute inside.
@@ -26,7 +26,7 @@ def vm_command(module: str, out: Path) -> list[str]:
     cache = out / "kernels"
     if KERNELS.is_dir():
         shutil.copytree(KERNELS, cache)
-    return [str(RUNNER), str(out), "env", f"NUMBA_CACHE_DIR={cache}", sys.executable, "-m", module, f"{out}/found.json"]
+    return [str(RUNNER), str(out), "env", f"NUMBA_CACHE_DIR={cache}", sys.executable, "-m", module, str(out / target)]
 
 
 @pytest.fixture(scope="session")

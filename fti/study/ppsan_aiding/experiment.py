@@ -15,8 +15,10 @@ SECONDS = 250.0
 PARTS = ((30.0, 40.0), (80.0, 100.0), (170.0, 200.0))
 DEGRADED = tuple(Satellites(*part, sds) for part, sds in zip(PARTS, ((4.0, 6.0), (5.0, 7.0), (6.0, 8.0)), strict=True))
 OUTAGES = tuple(Satellites(*part, None) for part in PARTS)
+#: One sigma of the displacement of the map for each axis, stated and drawn [m].
+MAP_SD_M = 1.0
 #: Profiles of 10 s: three that agree are known 30 s after the alignment, as in the source.
-BASE = GroundCase(seconds=SECONDS, window_s=10.0, map_sd=2.0, dem_error=DemError(noise_sd=1.5))
+BASE = GroundCase(seconds=SECONDS, window_s=10.0, map_sd=MAP_SD_M, dem_error=DemError(noise_sd=1.5))
 SCHEDULES = {"degraded": DEGRADED, "outages": OUTAGES}
 #: From here on errors are compared with their sigma, and at these instants [s].
 COMPARED_FROM_S, INSTANTS_S = 35.0, tuple(np.linspace(40.0, 245.0, 10))
@@ -46,8 +48,9 @@ class Pair:
 
 def fly_schedule(name: str, seed: int, number: int, *, with_ground: bool) -> GroundRun:
     """One flight of a schedule."""
-    case = replace(BASE, satellites=SCHEDULES[name], window_s=BASE.window_s if with_ground else None)
-    return fly(case, seed, number)
+    shift = MAP_SD_M * np.random.default_rng([seed, number, 1]).standard_normal(2)
+    case = replace(BASE, satellites=SCHEDULES[name], map_shift=(float(shift[0]), float(shift[1])))
+    return fly(case if with_ground else replace(case, window_s=None), seed, number)
 
 
 def run(task: tuple[int, int]) -> dict[str, Pair]:
