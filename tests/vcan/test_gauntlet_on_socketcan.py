@@ -1,9 +1,9 @@
 """The gauntlet on CAN buses of the kernel: emulator and daemon in the user-mode kernel, the score outside of it.
 
-The user-mode kernel has one processor, a fraction as fast as that of the machine, so that the emulator is often late.
-The score tolerates flags that are missing at such a time, and calls a flight that has many of them inconclusive.  Such
-a flight passes here if at least half of its flags were compared and found: a miss, a flag that nothing explains or a
-wrong output fails it as any other.
+The user-mode kernel has one processor, a fraction as fast as that of the machine, so that emulator and daemon stand
+still now and then.  The score calls a flight inconclusive in which the emulator was often late; pauses of the outputs
+are those of the machine.  Such a flight passes here if its flags were found: a missing or late flag, one that nothing
+explains, and a wrong output fail it as any other flight.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from fti.post.score.rows import FAILURES
 from tests.e2e.flights import Flight
 from tests.e2e.harness import fti
 from tests.e2e.heartbeat import run_undisturbed
@@ -49,14 +50,20 @@ def score(flight: Flight) -> dict[str, Any]:
     return content
 
 
+def misses(scored: dict[str, Any]) -> list[dict[str, Any]]:
+    """Everything that does not hold but pauses."""
+    checks = [*scored["rows"], *scored["outputs"], *scored["findings"]]
+    failed = [check for check in checks if check["verdict"] in FAILURES and check.get("check") != "longest gap"]
+    return [*failed, *scored["unexpected"]]
+
+
 def test_the_daemon_reports_what_the_scenario_expects(tmp_path: Path) -> None:
     def fly_and_score(attempt: int) -> tuple[Flight, dict[str, Any]]:
         flight = fly(tmp_path / str(attempt))
         return flight, score(flight)
 
-    flight, scored = run_undisturbed(fly_and_score, lambda result: bool(result[1]["outcome"] != "failed"))
-    assert scored["outcome"] in ("holds", "inconclusive"), json.dumps(scored, indent=1)
+    flight, scored = run_undisturbed(fly_and_score, lambda result: not misses(result[1]))
+    assert not misses(scored)
     assert all(len(flight.arrivals(link)) > 500 for link in ("air_can", "pickup_can"))
     results = Counter(row["verdict"] for row in scored["rows"])
-    assert results["found"] >= 5, json.dumps(scored, indent=1)
-    assert results["found"] >= results["bench was late"], json.dumps(scored, indent=1)
+    assert results["found"] >= 5, scored["rows"]

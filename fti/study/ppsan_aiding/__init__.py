@@ -3,8 +3,8 @@
 Source 003, section 7.3.4, tables 7.4 and 7.5.  Terrain and flights of the source are not public: ten synthetic terrains
 of fractal relief, and a laser instead of a simulated beam.  The live filter and the live position from the ground run
 on sensors that share no model with them (``fti.study.ground_flights``).  A run is a flight of 250 s with each schedule,
-with the ground and without it, on the same random numbers.  Elevation errs by 1.5 m, correlated over 30 m and 300 m; the map
-is displaced by 1 m (one sigma for each axis), as it states.
+with the ground and without it, on the same random numbers.  Elevation errs by 1.5 m, correlated over 30 m and 300 m.
+The map is displaced by 1 m (one sigma for each axis), as it states.
 
     T16.inside.*    errors of both axes within 3 sigma from 35 s on, pooled: >= 99 %
     T16.ratio.*     RMS of error over sigma at ten instants: <= 1.25; below 1 where the sigma is larger than the error
