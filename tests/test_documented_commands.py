@@ -41,6 +41,10 @@ ELSEWHERE = {
         '"--junit", str(tmp_path / "all.xml")',
     ),
     r"fti score source_faults/latency --fly /tmp/flown": ("tests/post/score/test_source_fault_scenarios.py", "latency"),
+    r"fti reprocess .* --compare-terrain-methods": (
+        "tests/e2e/test_accelerated_scores.py",
+        '"--compare-terrain-methods"',
+    ),
     r"fti reference make .*": ("tests/cli/test_reference.py", '"make"'),
     r"fti reference fit .*": ("tests/cli/test_reference_fit.py", '"fit"'),
     r"fti study trajectory": ("tests/study/test_trajectory.py", 'main(["study", "trajectory"'),

@@ -7,8 +7,8 @@
     five_point   the five-point search of the source instead of every shift, then the likelihood around its end
     printed      metric and covariance as the source prints them; it has no test that refuses a fix
     vertical     of a radar: its range is taken as the height straight below, without beam and attitude
-    closed_loop  of a radar: around the fix of ``profile`` ranges are predicted with antenna and receiver, from the
-                 navigated attitude, and compared with the measured ones
+    closed_loop  of a radar: around the fix of ``profile`` ranges are predicted with the model of the configuration
+                 (``[device.altimeter] model``) and the navigated attitude, and compared with the measured ones
 
 A method is created once for a flight and gets one profile after the other, so it may keep a state.  Another method is
 one more entry of ``METHODS``; ``fti reprocess --compare-terrain-methods`` compares all of them on one flight.
@@ -28,8 +28,9 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.config import Altimeter
-from fti.nav.altimetry.expected_range import make_radar
+from fti.nav.altimetry.expected_range import make_radar_model
 from fti.nav.height_profile import HeightProfile, ProfileSamples
+from fti.nav.separation.copies import largest_sd
 from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
 from fti.nav.terrain_matching.beam_profile import BeamTrack, match_beams
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal, match, without_position
@@ -54,8 +55,10 @@ if TYPE_CHECKING:
 NEAR_CELLS = 3
 #: Steps of a cell, each way, with which the smallest printed metric is refined.
 FINE_STEPS = 10
-#: Closed loop: distance of the nodes of predicted ranges, largest shift, and posts around it [m] (source, table 7.3).
-NODE_M, CLOSED_REACH_M, MARGIN_M = 6.0, 30, 1.0
+#: Closed loop: distance of the nodes of predicted ranges, and posts around the shifted samples [m].
+NODE_M, MARGIN_M = 6.0, 1.0
+#: Closed loop: largest shift from the first fix, in its sigmas, and limits of it [m].
+CLOSED_SIGMAS, MIN_CLOSED_M, MAX_CLOSED_M = 5.0, 30, 150
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,10 +155,10 @@ class VerticalRange:
 
 
 class ClosedLoop:
-    """Ranges of a radar, predicted with antenna and receiver for each place around the fix of the exhaustive search."""
+    """Ranges of a radar, predicted with its model for each place around the fix of the exhaustive search."""
 
     def __init__(self, altimeter: Altimeter) -> None:
-        self._radar, self._first = make_radar(altimeter), ExhaustiveSearch()
+        self._radar, self._first = make_radar_model(altimeter), ExhaustiveSearch()
 
     def match(self, task: MatchTask) -> MatchFix:
         """The fix by the likelihood of differences of ranges; both searches may refuse it."""
@@ -165,14 +168,16 @@ class ClosedLoop:
         step = np.append(first.shift, first.up)
         of = task.heights.samples
         track = RangeTrack(of.t, poses_of(of, step), of.ranges, of.sds, task.height_sd)
-        surface = apparent_surface(
-            self._radar, task.heights.ground.terrain, track.poses, NODE_M, CLOSED_REACH_M + MARGIN_M
-        )
-        task = replace(
-            task, priors=replace(task.priors, position_cov=None)
-        )  # of the distance from the first fix it says nothing
-        fix = task.solve(track.profile, surface.refine(round(NODE_M)), Lattice(CLOSED_REACH_M))
+        reach_m = _closed_reach_m(first.cov)
+        surface = apparent_surface(self._radar, task.heights.ground.terrain, track.poses, NODE_M, reach_m + MARGIN_M)
+        # the covariance of the navigated position does not bound the distance from the first fix
+        task = replace(task, priors=replace(task.priors, position_cov=None))
+        fix = task.solve(track.profile, surface.refine(round(NODE_M)), Lattice(reach_m))
         return replace(fix, shift=fix.shift + step[:2], up=fix.up + step[2], refusals=fix.refusals | first.refusals)
+
+
+def _closed_reach_m(cov: Array) -> int:
+    return min(max(math.ceil(CLOSED_SIGMAS * largest_sd(cov)), MIN_CLOSED_M), MAX_CLOSED_M)
 
 
 def poses_of(samples: ProfileSamples, step: Array) -> Poses:
@@ -228,9 +233,14 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
         "five_point": MethodEntry("five-point search, likelihood", lambda _: FivePointSearch()),
         "printed": MethodEntry("metric and covariance as printed in the source", lambda _: PrintedMetric()),
         "vertical": MethodEntry("range as height straight below, likelihood", lambda _: VerticalRange(), _RADAR),
-        "closed_loop": MethodEntry("ranges predicted with antenna and receiver", ClosedLoop, _RADAR),
+        "closed_loop": MethodEntry("ranges predicted with the model of the altimeter", ClosedLoop, _RADAR),
     }
 )
+
+
+def name_in_flight(altimeter: Altimeter) -> str:
+    """The method that aids the filter with an altimeter."""
+    return BEAMS if altimeter.kind == "multibeam" else IN_FLIGHT
 
 
 def methods_for(altimeter: Altimeter) -> dict[str, TerrainMethod]:

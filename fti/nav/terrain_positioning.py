@@ -26,7 +26,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from fti.arrays import Array
-from fti.config import Device, TerrainPositionTable, is_multibeam
+from fti.config import Device, TerrainPositionTable
 from fti.constants import SECOND_NS
 from fti.geodesy.formulas import metres_per_radian
 from fti.messages.measurements import BeamRange, Measurement
@@ -45,7 +45,7 @@ from fti.nav.height_profile import (
 from fti.nav.separation.copies import largest_sd
 from fti.nav.terrain_matching.acquisition import Acquisition
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal
-from fti.nav.terrain_methods import BEAMS, IN_FLIGHT, METHODS, MatchTask, TerrainObserver
+from fti.nav.terrain_methods import BEAMS, METHODS, MatchTask, TerrainObserver, name_in_flight
 from fti.nav.terrain_reference import Ground
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class TerrainPosition:
         self._device = devices[settings.altimeter]
         self._mounting = mounting_of(self._device)
         assert self._device.altimeter is not None
-        self._method_name = BEAMS if is_multibeam(self._device) else IN_FLIGHT
+        self._method_name = name_in_flight(self._device.altimeter)
         self._method = METHODS[self._method_name].make(self._device.altimeter)
         self._span_ns = round(settings.window_s * SECOND_NS)
         self._limits = MatchLimits(max_sd_m=settings.max_sd_m)

@@ -41,7 +41,7 @@ SHIFT = np.array([-40.0, 25.0])
 BEAMS = beams_across(5)
 ALTIMETERS = {
     "laser": Altimeter(kind="laser", range_m=(1.0, 3000.0)),
-    "radar": Altimeter(kind="radar", range_m=(1.0, 1500.0), beam_deg=40.0),
+    "radar": Altimeter(kind="radar", range_m=(1.0, 1500.0), beam_deg=40.0, model="beam"),
     "multibeam": Altimeter(kind="multibeam", range_m=(1.0, 3000.0), sd_m=0.3),
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fti.cli.main import main
 from fti.config import TerrainFiles
 from fti.drivers import freeflight_ra4500 as ra
 from fti.errors import ConfigError, RecordingError
@@ -22,6 +24,7 @@ from fti.logger.session import SessionFolder
 from fti.messages.topics import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.post.reprocess import NavigationRun, other_setup, read_navigation_runs, recorded_setup, reprocess
 from fti.service.navigation.terrain_loader import load_terrain
+from tests.helpers import ROOT
 from tests.small_config import LINE, radar_altimeter
 
 CONFIG = LINE + radar_altimeter(max_age_ms=100) + '\n[nav]\naltimeters = ["altimeter"]\n'
@@ -216,3 +219,22 @@ def test_elevation_files_of_a_recording_are_local_ones_or_none(tmp_path: Path, b
     own.write_text(text.replace("other.tif", str(vrt)))
     with pytest.raises(ConfigError, match=r"a\.vrt: is not an elevation file that GDAL can read"):
         other_setup(str(own)).load_terrain()
+
+
+@pytest.mark.parametrize(
+    ("config", "error"),
+    [
+        (CONFIG, r"small_\S+: has no \[nav\.terrain_position\]"),
+        (
+            (ROOT / "configs" / "terrain_position.toml").read_text(),
+            r"no height profile was complete: see ",
+        ),
+    ],
+    ids=["without the table", "without a profile"],
+)
+def test_methods_cannot_be_compared(
+    config: str, error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = _record(tmp_path, {"config.toml": config})
+    assert main(["reprocess", str(session.path), "--out", str(tmp_path / "a"), "--compare-terrain-methods"]) == 2
+    assert re.search(error, capsys.readouterr().err)

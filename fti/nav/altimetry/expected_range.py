@@ -36,12 +36,12 @@ from fti.nav.altimetry.variance import ErrorModel
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN, AttitudeState, PositionState
 from fti.nav.terrain_reference import Ground
-from fti.ranging.nearest import direction, directions, ring_angles
+from fti.ranging.nearest import NearestReturn, direction, directions, ring_angles
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.edge import edge_at
 from fti.ranging.receiver_error import PossibleReceivers, model_error
-from fti.ranging.sensor import Poses, Validity
+from fti.ranging.sensor import Poses, RangingSensor, Validity
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.terrain import Terrain
 
@@ -163,12 +163,18 @@ def make_range_model(altimeter: Altimeter, terrain: Terrain) -> RangeModel:
     if altimeter.kind == "laser":
         return PencilRangeModel(terrain.pyramid, max_range)
     if altimeter.model == "beam":
-        return WholeBeamModel(terrain, make_radar(altimeter))
+        return WholeBeamModel(terrain, _make_radar(altimeter))
     return NearestReturnModel(terrain.pyramid, width, max_range)
 
 
-def make_radar(altimeter: Altimeter) -> RadarAltimeter:
-    """The model "beam" of a configured radar."""
+def make_radar_model(altimeter: Altimeter) -> RangingSensor:
+    """The configured model of a radar, for many poses at once."""
+    if altimeter.model == "beam":
+        return _make_radar(altimeter)
+    return NearestReturn(math.radians(altimeter.beam_deg), RINGS, max_cast_range(altimeter))
+
+
+def _make_radar(altimeter: Altimeter) -> RadarAltimeter:
     width = math.radians(altimeter.beam_deg)
     edge, antenna = edge_at(altimeter.threshold_db), cosine_antenna(width, width)
     return RadarAltimeter(antenna=antenna, edge=edge, max_range=altimeter.range_m[1])
