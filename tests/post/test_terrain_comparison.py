@@ -8,6 +8,7 @@ from dataclasses import replace as changed
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from fti import config as configuration
 from fti.errors import ConfigError
@@ -89,6 +90,23 @@ def test_an_error_is_wrong_beyond_its_ellipse_and_30_m() -> None:
         for error, sd in ((29.0, 1.0), (31.0, 1.0), (31.0, 10.0), (38.0, 10.0))
     ]
     assert wrong == [0, 1, 0, 1]
+
+
+def test_an_error_is_compared_with_the_sigma_of_its_axis() -> None:
+    elongated = structs.replace(fix(0.0, 0.0).fix, north_sd=1.0, east_sd=50.0)
+    along, across = (
+        method_row("profile", [changed(fix(*error), fix=elongated)], [1.0], [], 0.0)
+        for error in ((0.0, 50.0), (50.0, 0.0))
+    )
+    assert along.error_over_sd == pytest.approx(math.sqrt(0.5))
+    assert (along.wrong, across.wrong) == (0, 1)
+    # with a correlation of 0.8 the long axis of the ellipse is towards the north-east
+    inclined = structs.replace(elongated, north_sd=50.0, correlation=0.8)
+    north_east, north_west = (
+        method_row("profile", [changed(fix(*error), fix=inclined)], [1.0], [], 0.0).error_over_sd
+        for error in ((60.0, 60.0), (60.0, -60.0))
+    )
+    assert north_west == pytest.approx(3.0 * north_east)
 
 
 def flight() -> ComparedFlight:
