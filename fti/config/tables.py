@@ -424,10 +424,11 @@ class TerrainFiles(StrictModel):
         Positive | None, key("spacing of the posts of the finest layer; none: that of the finest file", "m", 5.0)
     ] = None
     scene: Annotated[
-        Literal["demo", "demo_country"] | None,
+        Literal["demo", "demo_country", "demo_coast"] | None,
         key(
             "instead of files, the ground of the emulator; demo: the strip below the approach of the demonstration; "
-            "demo_country: the strip and the region around it; none: files",
+            "demo_country: the strip and the region around it; demo_coast: the same with a level sea and dunes in its "
+            "west; none: files",
             NO_UNIT,
             instead="demo",
         ),

@@ -47,7 +47,9 @@ from fti.latency_histogram import LatencyHistogram
 from fti.logger.session import CONFIG_ATTACHMENT
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain import demo_scene
+from fti.terrain.demo_coast import demo_coast
 from fti.terrain.demo_region import demo_region
+from fti.terrain.terrain import Terrain
 
 #: Time for the lines to send their backlog after the flight.
 DRAIN_S = 2.0
@@ -256,13 +258,19 @@ DEMO_UNDULATION = -31.0
 def make_environment(scenario: Scenario, progress: Callable[[str], None] = lambda _: None) -> Environment:
     """The demo airfield with its terrain and the obstacles of the scenario; progress : called with each step.
 
-    The terrain is the whole demo region for JSBSim flights and where a waypoint lies beyond the strip below the
-    approach.
+    The terrain of ``demo`` is the whole demo region for JSBSim flights and where a waypoint lies beyond the strip below
+    the approach.
     """
     airfield = load_airfield(demo_scene.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(demo_scene.DEMO_AIRFIELD))
+    return Environment(scenario, ApproachPath(airfield), _terrain(scenario), DEMO_UNDULATION, progress)
+
+
+def _terrain(scenario: Scenario) -> Terrain:
+    if scenario.airfield == "demo_coast":
+        return demo_coast()
     terrain = demo_region() if isinstance(scenario.flight, JsbsimFlight) else demo_scene.demo_scene()
     if isinstance(scenario.flight, WaypointFlight):
         lat, lon = np.radians([(point.lat_deg, point.lon_deg) for point in scenario.flight.waypoint]).T
         if np.isnan(terrain.height(lat, lon)).any():
             terrain = demo_region()
-    return Environment(scenario, ApproachPath(airfield), terrain, DEMO_UNDULATION, progress)
+    return terrain

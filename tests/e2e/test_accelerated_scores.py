@@ -35,9 +35,11 @@ DURATIONS = {
     "recorded": 20.0,
     "table": 35.0,
     "terrain_beams": 75.0,
+    "terrain_flat_sea": 113.0,
     "terrain_map_off": 40.0,
     "terrain_outage": 75.0,
     "terrain_ramp": 115.0,
+    "terrain_repeated": 198.0,
 }
 
 

@@ -110,7 +110,10 @@ class Scenario(StrictModel):
         key("configuration of the daemon; a relative path begins at the scenario", NO_UNIT, "../demo.toml"),
     ]
     seed: Annotated[int, Field(ge=0), key("seed of all random numbers; the same seed gives the same flight", ONE)] = 1
-    airfield: Annotated[Literal["demo"], key("airfield and ground of the flight", NO_UNIT)] = "demo"
+    airfield: Annotated[
+        Literal["demo", "demo_coast"],
+        key("airfield and ground of the flight; demo_coast: with a level sea and dunes in the west", NO_UNIT),
+    ] = "demo"
     flight: Annotated[FlightTable, key("[flight]: flight of the aircraft; without kind an approach", NO_UNIT)] = (
         ApproachFlight()
     )

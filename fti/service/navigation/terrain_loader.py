@@ -73,7 +73,8 @@ def _scene(name: str) -> Terrain:
     from fti.terrain.demo_region import demo_region  # noqa: PLC0415
     from fti.terrain.demo_scene import demo_scene  # noqa: PLC0415 - see above
 
-    return demo_region() if name == "demo_country" else demo_scene()
+    return {"demo": demo_scene, "demo_country": demo_region, "demo_coast": demo_coast}[name]()
+    from fti.terrain.demo_coast import demo_coast  # noqa: PLC0415
 
 
 @dataclass(frozen=True, slots=True)
