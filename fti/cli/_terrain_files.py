@@ -7,36 +7,35 @@ from collections.abc import Iterator
 from contextlib import closing
 from typing import Any
 
-from fti.config import Config
+from fti.config import Config, TerrainFiles
 from fti.errors import ConfigError, MissingError
 
 
 def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
     """Open each file, and load the geoid that its heights need.  Raises ConfigError or MissingError."""
-    if config.nav.terrain is None or not config.nav.terrain.files:
+    settings = config.nav.terrain
+    if settings is None or not settings.files:
         return
     from fti.terrain.files.catalogue import list_files
 
-    vertical = config.nav.terrain.vertical
-    assert vertical is not None  # required with files
-    for i, path in enumerate(config.nav.terrain.files):
+    for i, path in enumerate(settings.files):
         key = f"{config.path}: nav.terrain.files[{i}]"
         try:
             files = list_files([path])
         except ConfigError as error:
             raise ConfigError(f"{key} = {error}") from None
         for file in files:
-            yield _describe(file, key, vertical)
+            yield _describe(file, key, settings)
 
 
-def _describe(file: str, key: str, vertical: str) -> dict[str, Any]:
+def _describe(file: str, key: str, settings: TerrainFiles) -> dict[str, Any]:
     from fti.geodesy.geoid import load_geoid
     from fti.terrain.files.elevation_file import ElevationFile
-    from fti.terrain.files.vertical import OTHER_FILES
+    from fti.terrain.files.stated_properties import stated_datums, with_stated
 
     try:
-        with closing(ElevationFile(file, {OTHER_FILES: vertical})) as opened:
-            source = opened.source
+        with closing(ElevationFile(file, stated_datums(settings, [file]))) as opened:
+            source = with_stated(settings, opened.source)
         if source.vertical != "ellipsoid":
             load_geoid(source.vertical)
     except MissingError as error:
@@ -51,12 +50,14 @@ def _describe(file: str, key: str, vertical: str) -> dict[str, Any]:
         "vertical": source.vertical,
         "vertical_by": source.vertical_by,
         "date": source.date,
-        "sd_m": source.sd_m,
+        "date_by": source.date_by,
+        "sd_m": settings.sd_m if source.sd_m is None else source.sd_m,
+        "sd_by": source.sd_by or "nav.terrain.sd_m",
     }
 
 
 def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
-    """Each layer of the terrain with its sigma and the parts of it [m].  Raises ConfigError or MissingError.
+    """Each layer of the terrain with its largest sigma and the parts of it [m].  Raises ConfigError or MissingError.
 
     With ``memory_mb``: of the square around the middle of the finest file, where squares are smallest.
     """
@@ -65,14 +66,19 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
         return
     from fti.terrain.files.catalogue import list_files, read_catalogue
     from fti.terrain.files.file_survey import survey_layers
+    from fti.terrain.files.stated_properties import check_paths, stated_datums, with_stated
 
     area = None
     files, centre, radius_m = list_files(settings.files), None, settings.radius_m
     if settings.centre_deg:
         centre = (math.radians(settings.centre_deg[0]), math.radians(settings.centre_deg[1]))
     try:
+        check_paths(settings, files)
+    except ConfigError as error:
+        raise ConfigError(f"{config.path}: {error}") from None
+    try:
+        catalogue = read_catalogue(files, stated_datums(settings, files))
         if settings.memory_mb is not None:
-            catalogue = read_catalogue(files, settings.vertical)
             area = catalogue.area_around(*catalogue.finest.middle, settings.memory_mb, settings.cell_m)
             files, centre, radius_m = area.files, (area.lat, area.lon), area.radius_m
         layers = survey_layers(
@@ -80,16 +86,18 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
             centre=centre,
             radius_m=radius_m,
             cell_m=settings.cell_m,
-            vertical=settings.vertical,
+            vertical=stated_datums(settings, files),
         )
     except ConfigError as error:
         raise ConfigError(f"{config.path}: nav.terrain: {error}") from None
+    stated = {source.path: with_stated(settings, source).sd_m or settings.sd_m for source in catalogue.files}
     for layer in layers:
+        sd_m = max(stated[files[number]] for number in layer.files)
         assert layer.resampling is not None  # geoids are available
         yield {
             "cell_m": layer.cell_m,
-            "sigma_m": round(math.hypot(settings.sd_m, layer.resampling.rms_m), 3),
-            "sd_m": settings.sd_m,
+            "sigma_m": round(math.hypot(sd_m, layer.resampling.rms_m), 3),
+            "sd_m": sd_m,
             "resampling_rms_m": round(layer.resampling.rms_m, 3),
             "resampling_max_m": round(layer.resampling.max_m, 2),
             "square_m": None if area is None else 2.0 * area.radius_m,
@@ -98,7 +106,7 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
 
 def layer_cells(layer: dict[str, Any]) -> tuple[str, ...]:
     """The sigma of one layer and its parts as text."""
-    parts = f"{layer['sd_m']:g} m of the files (sd_m) and {layer['resampling_rms_m']:.2f} m RMS of resampling"
+    parts = f"{layer['sd_m']:g} m of the files and {layer['resampling_rms_m']:.2f} m RMS of resampling"
     square = f"in squares of {layer['square_m'] / 1000:.1f} km, " if layer["square_m"] else ""
     return (
         f"{square}posts {layer['cell_m']:g} m apart",
@@ -110,6 +118,6 @@ def terrain_cells(file: dict[str, Any]) -> tuple[str, ...]:
     """One file as text: name, format, posts, spacing, vertical datum, date, sigma."""
     posts, spacing = (" x ".join(f"{value:g}" for value in file[key]) for key in ("posts", "spacing_m"))
     datum = f"{file['vertical']} (from {file['vertical_by']})"
-    date = f"date {file['date']}" if file["date"] else "no date"
-    sigma = "" if file["sd_m"] is None else f"sigma {file['sd_m']:.1f} m (from the file)"
+    date = f"date {file['date']} (from {file['date_by']})" if file["date"] else "no date"
+    sigma = f"sigma {file['sd_m']:.3g} m (from {file['sd_by']})"
     return (file["file"], file["format"], f"{posts} posts", f"{spacing} m apart", datum, date, sigma)

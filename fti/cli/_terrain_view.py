@@ -51,9 +51,10 @@ def _file(number: int, file: FileSurvey) -> Iterator[str]:
         yield f"  heights      {file.lowest:.2f} to {file.highest:.2f} m above {_DATUMS[source.vertical]}"
     yield f"  holes        {f'{file.holes} posts, {100.0 * file.holes / posts:.2g} %' if file.holes else 'none'}"
     yield f"  covers       {bounds_text(source)}{'' if file.used else '; in no layer'}"
-    if source.date:
-        yield f"  date         {source.date}"
-    if source.sd_m is not None:
+    yield f"  date         {source.date or 'the file states none'}"
+    if source.sd_m is None:
+        yield "  sigma        the file states none"
+    else:
         yield f"  sigma        {source.sd_m:.1f} m, from the accuracy that the file states"
 
 

@@ -16,7 +16,7 @@ from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainF
 from fti.errors import ConfigError, MissingError, did_you_mean
 
 #: Keys of ``[nav.terrain]`` that need ``files``.
-FILE_KEYS = ("vertical", "centre_deg", "radius_m", "memory_mb", "cell_m")
+FILE_KEYS = ("vertical", "centre_deg", "radius_m", "memory_mb", "cell_m", "file")
 
 #: GDAL's prefix of a file in a zip.
 VSIZIP = "/vsizip/"
@@ -175,8 +175,11 @@ def _check_terrain(terrain: TerrainFiles | None, file: str) -> None:
         raise ConfigError(f"{file}: nav.terrain: centre_deg and radius_m: set both, or neither to use the whole files")
     if terrain.memory_mb is not None and terrain.centre_deg is not None:
         raise ConfigError(f"{file}: nav.terrain: needs only one of memory_mb and centre_deg with radius_m")
-    if terrain.scene and (extra := [key for key in FILE_KEYS if getattr(terrain, key) is not None]):
+    if terrain.scene and (extra := [key for key in FILE_KEYS if getattr(terrain, key) not in (None, ())]):
         raise ConfigError(f"{file}: nav.terrain.{extra[0]}: not allowed with scene, only with files")
+    for i, table in enumerate(terrain.file):
+        if table.vertical is None and table.sd_m is None and table.date is None:
+            raise ConfigError(f"{file}: nav.terrain.file[{i}]: needs at least one of vertical, sd_m and date")
 
 
 def _check_unique(names: list[str], file: str, kind: str) -> None:
@@ -207,7 +210,8 @@ def _resolve_paths(config: Config, folder: Path) -> Config:
     nav = config.nav
     if nav.terrain:
         files = tuple(elevation(f) for f in nav.terrain.files)
-        nav = nav.model_copy(update={"terrain": nav.terrain.model_copy(update={"files": files})})
+        tables = tuple(table.model_copy(update={"path": elevation(table.path)}) for table in nav.terrain.file)
+        nav = nav.model_copy(update={"terrain": nav.terrain.model_copy(update={"files": files, "file": tables})})
     if nav.approach:
         approach = nav.approach.model_copy(update={"profile": absolute(nav.approach.profile)})
         nav = nav.model_copy(update={"approach": approach})

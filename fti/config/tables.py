@@ -380,6 +380,35 @@ class Device(StrictModel):
 # --------------------------------------------------------------------------------------------- navigation, display
 
 
+class TerrainFileTable(StrictModel):
+    """``[[nav.terrain.file]]``: datum, sigma and date of elevation files; they have precedence over those in a file.
+
+    Where several tables match a file, the first one with the key counts.
+    """
+
+    path: Annotated[
+        str,
+        Field(min_length=1),
+        key(
+            "elevation files: one of nav.terrain.files, all in a folder, or a pattern (* any characters, ? one)",
+            NO_UNIT,
+            "tiles/*.tif",
+        ),
+    ]
+    vertical: Annotated[
+        Literal["ellipsoid", "egm96", "egm2008"] | None,
+        key("height datum; none: as the file states it, otherwise nav.terrain.vertical", NO_UNIT, "egm2008"),
+    ] = None
+    sd_m: Annotated[
+        Positive | None,
+        key("1-sigma of the heights; none: as the file states it (DTED), otherwise nav.terrain.sd_m", "m", 0.3),
+    ] = None
+    date: Annotated[
+        Annotated[str, Field(pattern=r"^\d{4}(-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?)?$")] | None,
+        key("date of the survey: year, year-month or year-month-day; none: as in the file", NO_UNIT, "2019-05"),
+    ] = None
+
+
 class TerrainFiles(StrictModel):
     """``[nav.terrain]``: elevation files and the datum of their heights, or a scene of the emulator.
 
@@ -437,6 +466,10 @@ class TerrainFiles(StrictModel):
         Positive,
         key("1-sigma of heights of files that do not state it (DTED does); the error of resampling is added", "m"),
     ] = 1.5
+    file: Annotated[
+        tuple[TerrainFileTable, ...],
+        key("[[nav.terrain.file]]: datum, sigma and date of single files, folders or patterns", NO_UNIT),
+    ] = ()
 
 
 class Approach(StrictModel):

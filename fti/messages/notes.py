@@ -68,9 +68,19 @@ class DeviceClockRecord(Message, kw_only=True):
     gnss: GnssTime
 
 
+class ElevationSource(Message, kw_only=True):
+    """An elevation file.  vertical : datum of its heights;  date : of the survey;  sd : 1-sigma of its heights"""
+
+    file: str
+    vertical: str
+    date: str | None = None
+    sd: Metres
+
+
 class TerrainRecord(Message, kw_only=True):
     """The terrain that navigation uses after frame ``after_seq``: its name and files, or why there is none.
 
+    sources : datum, date and sigma of each file
     lat, lon, radius : middle and half the side of the square that is loaded; without: all is loaded
     sha256 : of the posts, to the last bit;  checksums : of the posts of each layer, as ``Ground.checksums``
     """
@@ -80,6 +90,7 @@ class TerrainRecord(Message, kw_only=True):
     fault: str | UnsetType = UNSET
     name: str | UnsetType = UNSET
     files: tuple[str, ...] | UnsetType = UNSET
+    sources: tuple[ElevationSource, ...] | UnsetType = UNSET
     lat: Radians | UnsetType = UNSET
     lon: Radians | UnsetType = UNSET
     radius: Metres | UnsetType = UNSET

@@ -20,8 +20,8 @@ class ElevationFileInfo:
     pixel          : ``area`` or ``point``; the post is the middle of the pixel either way
     vertical       : egm96, egm2008 or ellipsoid; vertical_by : the origin of this
     unit_m         : metres in one unit of its heights
-    date           : as in the file; None if missing
-    sd_m           : 1-sigma of its heights, as the file states it [m]; None: it does not
+    date           : of the survey, or as in the file; None if unknown;  date_by : the origin of this
+    sd_m           : 1-sigma of its heights [m]; None if nobody states it;  sd_by : the origin of this
     accuracy_m     : of the step from its coordinates to WGS84, as PROJ states it [m]; None when unknown
     south, west, north, east : the box around its pixels [rad]; west is above east across the antimeridian
     """
@@ -43,6 +43,8 @@ class ElevationFileInfo:
     west: float
     north: float
     east: float
+    date_by: str | None = None
+    sd_by: str | None = None
 
     @property
     def middle(self) -> tuple[float, float]:

@@ -248,7 +248,7 @@ def test_the_sigma_of_the_terrain_is_shown_with_its_parts(file: Path, capsys: py
     assert main(["check", str(file)]) == 0
     output = capsys.readouterr().out
     match = re.search(
-        r"posts 50 m apart +sigma (\S+) m: 2 m of the files \(sd_m\) and (\S+) m RMS of resampling, (\S+) m",
+        r"posts 50 m apart +sigma (\S+) m: 2 m of the files and (\S+) m RMS of resampling, (\S+) m",
         output,
     )
     assert match, output
@@ -259,6 +259,53 @@ def test_the_sigma_of_the_terrain_is_shown_with_its_parts(file: Path, capsys: py
     assert main(["check", str(file), "--json"]) == 0
     (layer,) = json.loads(capsys.readouterr().out)["terrain_layers"]
     assert layer["sigma_m"] == pytest.approx(sigma, abs=0.01)
+
+
+STATED = """
+[nav.terrain]
+files = ["dem.tif", "tiles"]
+vertical = "ellipsoid"
+sd_m = 2.0
+
+[[nav.terrain.file]]
+path = "tiles/new*"
+date = "2019-05"
+
+[[nav.terrain.file]]
+path = "tiles"
+date = "2000-02"
+sd_m = 4.0
+"""
+
+
+def test_datum_date_and_sigma_of_files_are_those_of_the_configuration(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file.parent / "tiles").mkdir()
+    for name in ("dem.tif", "tiles/new.tif", "tiles/old.tif"):
+        write_ground(file.parent / name, lambda lat, lon: 500.0 + 0.0 * lat * lon, "EPSG:32632", 20, 10.0)
+    file.write_text(BENCH + STATED)
+    assert main(["check", str(file), "--json"]) == 0
+    described = json.loads(capsys.readouterr().out)
+    properties = [tuple(each[key] for key in ("date", "date_by", "sd_m", "sd_by")) for each in described["terrain"]]
+    first, second = "nav.terrain.file[0]", "nav.terrain.file[1]"
+    assert properties == [
+        (None, None, 2.0, "nav.terrain.sd_m"),
+        ("2019-05", first, 4.0, second),
+        ("2000-02", second, 4.0, second),
+    ]
+    assert [layer["sd_m"] for layer in described["terrain_layers"]] == [4.0]
+    assert main(["check", str(file)]) == 0
+    output = capsys.readouterr().out
+    assert f"date 2019-05 (from {first})" in output and f"sigma 4 m (from {second})" in output
+    for old, new, text in (
+        ('path = "tiles"', 'path = "tile"', "nav.terrain.file[1].path = '"),
+        ('date = "2000-02"', 'date = "02/2000"', "nav.terrain.file[1].date = '02/2000'"),
+        ('date = "2019-05"', "", "nav.terrain.file[0]: needs at least one of vertical, sd_m and date"),
+    ):
+        file.write_text(BENCH + STATED.replace(old, new))
+        assert main(["check", str(file)]) == 2
+        assert text in capsys.readouterr().err
 
 
 def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

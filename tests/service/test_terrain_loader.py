@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +14,13 @@ from numpy.typing import NDArray
 from fti import config as configuration
 from fti.config import Config, TerrainFiles
 from fti.messages.control import TerrainLoading
+from fti.messages.notes import TerrainRecord
 from fti.nav.terrain_reference import Ground
+from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.terrain_loader import TerrainLoader, load_terrain
 from fti.service.terrain_retry import TerrainRetry
 from tests.helpers import until
+from tests.terrain.elevation_files import write_dted
 
 
 def _config(**terrain: Any) -> Config:
@@ -45,6 +50,37 @@ def test_files_that_are_not_there_are_a_fault_in_words_and_no_exception() -> Non
     assert loaded.ground is None
     assert "/no/such.tif" in str(loaded.fault)
     assert loading.state.startswith("not available")
+
+
+def test_tables_of_files_have_precedence_over_what_a_file_states(tmp_path: Path) -> None:
+    """Western half: DTED with an accuracy of 10 m; eastern half: the same, and what the table states of it."""
+
+    def level(lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 500.0 + 0.0 * lat * lon
+
+    for name in ("w", "e"):
+        (tmp_path / name).mkdir()
+    west, east = (
+        write_dted(tmp_path / name, level, west=degrees, tags={"DTED_VerticalAccuracy_ACC": "0010"})
+        for name, degrees in (("w", 11), ("e", 12))
+    )
+    table = {"path": f"{tmp_path}/e/*", "vertical": "ellipsoid", "sd_m": 0.5, "date": "2021"}
+    config = _config(
+        files=[west, east], vertical="egm96", centre_deg=(47.5, 12.0), radius_m=5000.0, cell_m=500.0, file=[table]
+    )
+    assert config.nav.terrain
+    ground = load_terrain(config.nav.terrain)
+    step_m = ground.terrain.resampling[0].rms_m  # between the datums, from post to post
+    expected = [math.hypot(sd_m, step_m) for sd_m in (10.0 / 1.6449, 0.5)]
+    assert [ground.sd_at(place, 0.0) for place in (-3000.0, 3000.0)] == pytest.approx(expected, abs=1e-3)
+    (of_west, of_east) = ground.terrain.sources
+    assert (of_west.vertical, of_east.vertical, of_east.date) == ("egm96", "ellipsoid", "2021")
+    (note, _) = Chain(config, [], None).set_terrain(ground, None, 0, 0).notes
+    assert isinstance(note, TerrainRecord) and note.sources
+    assert [(each.file, each.vertical, each.date, round(each.sd, 1)) for each in note.sources] == [
+        (west, "egm96", None, 6.1),
+        (east, "ellipsoid", "2021", 0.5),
+    ]
 
 
 def test_another_post_is_another_ground() -> None:

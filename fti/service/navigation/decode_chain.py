@@ -17,7 +17,7 @@ from fti.devices import BoundDevice
 from fti.drivers import Counters, Decoder, StatefulDecoder
 from fti.messages.frames import ALL_SOURCES, TICK_LINK, RawFrame
 from fti.messages.measurements import Measurement
-from fti.messages.notes import ClockEstimate, NavigationNote, ReadmissionRecord, TerrainRecord
+from fti.messages.notes import ClockEstimate, ElevationSource, NavigationNote, ReadmissionRecord, TerrainRecord
 from fti.messages.outputs import Event, Output
 from fti.messages.refusals import CarriedRefusal
 from fti.nav.alarm_conditions import OutputConditions
@@ -149,7 +149,13 @@ class Chain(MeasurementChain):
         about: dict[str, Any] = {"fault": fault or ""}
         if ground:
             identity = {"sha256": ground.digest, "checksums": ground.checksums}
-            about = {"name": ground.name, "files": ground.files, **_square_of(ground), **identity}
+            about = {
+                "name": ground.name,
+                "files": ground.files,
+                **_sources_of(ground),
+                **_square_of(ground),
+                **identity,
+            }
         products.notes.append(TerrainRecord(t_ns=t_ns, after_seq=after_seq, **about))
         products.notes.append(self._conditions.report_terrain(t_ns, fault).as_record())
         level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")
@@ -214,6 +220,15 @@ class Chain(MeasurementChain):
         if note := self._times.tick(t_ns):
             products.notes.append(note)
             products.outputs += self._times.drain_events(t_ns)
+
+
+def _sources_of(ground: Ground) -> dict[str, tuple[ElevationSource, ...]]:
+    """Datum, date and sigma of the heights of each file; a scene has none."""
+    sources = tuple(
+        ElevationSource(file=each.path, vertical=each.vertical, date=each.date, sd=each.sd_m or ground.sd)
+        for each in ground.terrain.sources
+    )
+    return {"sources": sources} if sources else {}
 
 
 def _square_of(ground: Ground) -> dict[str, float]:

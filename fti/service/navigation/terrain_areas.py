@@ -57,12 +57,15 @@ class TerrainAreas:
             return LoadedTerrain(None, str(error))
 
     def _choose(self, lat: float, lon: float) -> TerrainArea:
-        from fti.terrain.files.catalogue import read_catalogue  # noqa: PLC0415 - GDAL: only loaded if needed
+        from fti.terrain.files.catalogue import list_files, read_catalogue  # noqa: PLC0415 - GDAL: only if needed
+        from fti.terrain.files.stated_properties import check_paths, stated_datums  # noqa: PLC0415 - see above
 
         settings = self._settings
         assert settings.memory_mb is not None
         if self._catalogue is None:
-            self._catalogue = read_catalogue(settings.files, settings.vertical, local_only=self._local_only)
+            files = list_files(settings.files)
+            check_paths(settings, files)
+            self._catalogue = read_catalogue(files, stated_datums(settings, files), local_only=self._local_only)
         return self._catalogue.area_around(lat, lon, settings.memory_mb, settings.cell_m)
 
 

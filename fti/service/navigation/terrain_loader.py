@@ -10,7 +10,7 @@ import functools
 import math
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from fti.config import Config, TerrainFiles
@@ -43,6 +43,7 @@ def load_terrain(
         return Ground(_scene(settings.scene), settings.sd_m, f"scene {settings.scene}")
     from fti.terrain.files.catalogue import list_files  # noqa: PLC0415 - numba, GDAL: only loaded if needed
     from fti.terrain.files.open_terrain import open_terrain  # noqa: PLC0415 - see above
+    from fti.terrain.files.stated_properties import check_paths, stated_datums, with_stated  # noqa: PLC0415 - see above
 
     files, centre, radius_m = settings.files, None, settings.radius_m
     if area:
@@ -50,15 +51,18 @@ def load_terrain(
     elif settings.centre_deg:
         centre = (math.radians(settings.centre_deg[0]), math.radians(settings.centre_deg[1]))
     files = list_files(files)
+    if area is None:
+        check_paths(settings, files)
     terrain = open_terrain(
         files,
         centre=centre,
         radius_m=radius_m,
         cell_m=settings.cell_m,
-        vertical=settings.vertical,
+        vertical=stated_datums(settings, files),
         progress=progress,
         local_only=local_only,
     )
+    terrain = replace(terrain, sources=tuple(with_stated(settings, source) for source in terrain.sources))
     name = _area_name(area) if area else ", ".join(files)
     return Ground(terrain, settings.sd_m, name, files, area.radius_m if area else None)
 
@@ -70,11 +74,11 @@ def _area_name(area: TerrainArea) -> str:
 
 @functools.cache
 def _scene(name: str) -> Terrain:
+    from fti.terrain.demo_coast import demo_coast  # noqa: PLC0415
     from fti.terrain.demo_region import demo_region  # noqa: PLC0415
     from fti.terrain.demo_scene import demo_scene  # noqa: PLC0415 - see above
 
     return {"demo": demo_scene, "demo_country": demo_region, "demo_coast": demo_coast}[name]()
-    from fti.terrain.demo_coast import demo_coast  # noqa: PLC0415
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.layout import make_plans, place_area
 from fti.terrain.files.local_only import local_environment
 from fti.terrain.files.open_terrain import check_arguments
-from fti.terrain.files.vertical import datum_names_by_file
+from fti.terrain.files.vertical import OTHER_FILES, datum_names_by_file
 
 #: Endings of elevation files in a folder.
 SUFFIXES = frozenset({".tif", ".tiff", ".hgt", ".dt0", ".dt1", ".dt2", ".asc", ".img"})
@@ -55,10 +55,10 @@ def list_files(paths: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class TerrainCatalogue:
-    """Headers of elevation files.  vertical : datum of files that do not state it;  local_only : as ``open_terrain``"""
+    """Headers of elevation files.  vertical, local_only : as in ``open_terrain``"""
 
     files: tuple[ElevationFileInfo, ...]
-    vertical: str | None
+    vertical: str | Mapping[str, str] | None
     local_only: bool = False
 
     @property
@@ -114,7 +114,7 @@ class TerrainCatalogue:
     def _posts(self, paths: Sequence[str], centre: tuple[float, float], radius_m: float, cell_m: float | None) -> int:
         """Posts of all layers of a square.  Raises ConfigError as ``make_plans``."""
         check_arguments(paths, centre, radius_m, cell_m)
-        words = datum_names_by_file(self.vertical, paths)
+        words = datum_names_by_file(self._vertical_of(paths), paths)
         with contextlib.ExitStack() as stack:
             if self.local_only:
                 stack.enter_context(local_environment())
@@ -123,8 +123,16 @@ class TerrainCatalogue:
             plans = make_plans(files, *place_area(files, centre, radius_m), cell_m)
         return sum(math.prod(plan.shape) for plan in plans)
 
+    def _vertical_of(self, paths: Sequence[str]) -> str | Mapping[str, str] | None:
+        """The datums without those of other files."""
+        if self.vertical is None or isinstance(self.vertical, str):
+            return self.vertical
+        return {file: datum for file, datum in self.vertical.items() if file in (*paths, OTHER_FILES)}
 
-def read_catalogue(paths: Sequence[str], vertical: str | None, *, local_only: bool = False) -> TerrainCatalogue:
+
+def read_catalogue(
+    paths: Sequence[str], vertical: str | Mapping[str, str] | None, *, local_only: bool = False
+) -> TerrainCatalogue:
     """The headers of files, and of those in folders.  Raises as ``open_terrain``."""
     names = list_files(paths)
     words = datum_names_by_file(vertical, names)

@@ -38,6 +38,8 @@ MIN_HEIGHT_M, MAX_HEIGHT_M = -500.0, 9000.0
 #: A void, whether declared in the file or not.
 VOID = -32768.0
 WGS84 = "EPSG:4326"
+#: Origin of a date or a sigma.
+BY_FILE = "the file"
 #: Sigmas of a normal error that it exceeds with a probability of 10 %.
 SIGMAS_OF_90 = 1.6449
 #: Maximum posts of a row, which is read as a whole: once around the Earth every 10 m.
@@ -90,7 +92,7 @@ class ElevationFile:
         if not np.isfinite(lat + lon).all():
             raise ConfigError(f"{path}: its edges are not valid positions in {self.crs.name}")
         west, east = _sides(lon)
-        accuracy = self._transformer.accuracy
+        accuracy, date, sd_m = self._transformer.accuracy, _date(tags), _height_sd(tags)
         return ElevationFileInfo(
             path=path,
             format=self._dataset.driver,
@@ -102,8 +104,10 @@ class ElevationFile:
             vertical=datum,
             vertical_by=by,
             unit_m=self._unit_m,
-            date=_date(tags),
-            sd_m=_height_sd(tags),
+            date=date,
+            date_by=date and BY_FILE,
+            sd_m=sd_m,
+            sd_by=None if sd_m is None else BY_FILE,
             accuracy_m=accuracy if accuracy >= 0.0 else None,
             south=float(lat.min()),
             west=west,
