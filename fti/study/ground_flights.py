@@ -82,6 +82,7 @@ class GroundCase:
     dem_error  : error of the elevation; None: it is exact;  window_s : duration of a profile; None: no ground aids
     ramp       : error of the satellites: start [s], velocity east [m/s], acceleration of its onset [m/s^2]; None: none
     ground     : number of the relief; None: another one for every ``RUNS_PER_GROUND`` flights
+    height_s   : period of the laser [s]
     """
 
     seconds: float = 300.0
@@ -95,6 +96,7 @@ class GroundCase:
     dem_error: DemError | None = None
     ramp: tuple[float, float, float] | None = None
     ground: int | None = None
+    height_s: float = HEIGHT_S
 
     def sds_at(self, t: float) -> tuple[float, float] | None:
         """Horizontal and vertical sigma of the satellites at a time [s]."""
@@ -195,7 +197,7 @@ class Sensors:
         self.velocities = self.fix_truth.vel_n + velocity + self._ramp_rate(case)
         baro = BARO_OFFSET_M * rng.standard_normal() + _slow(rng, self.fix_t, BARO_DRIFT_M, BARO_S)
         self.pressure = self.fix_truth.alt + baro + BARO_NOISE_M * rng.standard_normal(len(self.fix_t))
-        self.height_t = np.arange(HEIGHT_S, case.seconds - 2.0 * STEP_S, HEIGHT_S) + 0.021
+        self.height_t = np.arange(case.height_s, case.seconds - 2.0 * STEP_S, case.height_s) + 0.021
         self.height_truth = self.flight.state(self.height_t)
         exact = LASER.measure(ground, poses_of(ground, self.height_truth)).slant_range
         self.ranges = exact + LASER_SD_M * rng.standard_normal(len(self.height_t))

@@ -120,6 +120,18 @@ def _outputs(session: Path) -> list[tuple[str, int, bytes]]:
     return [(topic, log, data) for topic, log, _, _, data in Recording.open(session).messages("/nav/", kind="derived")]
 
 
+def test_fixes_of_all_beams_are_repeated_bit_for_bit(
+    fly_once: Fly, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = fly_once("terrain_beams", DURATIONS["terrain_beams"])
+    assert main(["reprocess", str(flight.session), "--out", str(tmp_path)]) == 0
+    fixes = {(fix["t_valid_ns"], fix["method"]) for fix in flight.outputs("/nav/terrain_fix") if fix["valid"]}
+    assert len(fixes) >= 4
+    assert {method for _, method in fixes} == {"beams"}
+    assert len(outputs := _outputs(flight.session)) > 1000
+    assert _outputs(Path(capsys.readouterr().out.strip())) == outputs
+
+
 def test_a_daemon_that_accepts_every_receiver_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,7 +5,9 @@ The truth is the flight; the ground of the truth is that of the map unless a tes
 
 from __future__ import annotations
 
+import functools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,16 +15,21 @@ from msgspec import structs
 
 from fti.config import Altimeter, Device, TerrainPositionTable
 from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.messages.measurements import BeamRange, Stamp
 from fti.messages.outputs import HeightAboveGround, TerrainFix
 from fti.messages.reasons import Reason
 from fti.nav import terrain_positioning
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate
+from fti.nav.height_profile import ProfileSamples
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import AttitudeState
+from fti.nav.terrain_methods import MatchTask
 from fti.nav.terrain_positioning import TerrainPosition
 from fti.nav.terrain_reference import Ground
-from fti.study.ground_flights import LAT, LON, GroundCase, GroundRun, Satellites, fly, relief
+from fti.ranging.multibeam import beams_across
+from fti.study.ground_flights import LAT, LON, FixResult, GroundCase, GroundRun, Satellites, fly, relief
+from fti.study.long_endurance.beams import BeamPosition
 from fti.terrain.dem_error import DemError
 
 SEED, NUMBER = 3, 4
@@ -118,6 +125,42 @@ def test_without_ramp_nothing_is_announced(outage: GroundRun) -> None:
     assert not any(math.isnan(error) for each in outage.fixes for error in each.error)
 
 
+#: Flights over three grounds, whose known elevation has errors, without satellites after 40 s.
+BEAM_CASE = GroundCase(
+    seconds=120.0,
+    window_s=10.0,
+    map_sd=2.0,
+    satellites=(Satellites(40.0, 120.0, None),),
+    dem_error=DemError(noise_sd=1.5),
+)
+BEAM_FLIGHTS = (0, 10, 20)
+
+
+def beam_fixes(number: int) -> list[FixResult]:
+    """Valid fixes without satellites of flights with a number of beams."""
+    make = functools.partial(BeamPosition, number)
+    flown = [fly(BEAM_CASE, SEED, flight, make) for flight in BEAM_FLIGHTS]
+    return [each for run in flown for each in run.fixes if each.fix.valid and (each.fix.t_valid_ns or 0) > 40e9]
+
+
+def rms_m(fixes: list[FixResult]) -> float:
+    return float(np.sqrt(np.mean([error**2 for each in fixes for error in each.error])))
+
+
+def test_five_beams_state_their_error_and_it_is_smaller_than_that_of_one() -> None:
+    five, one = beam_fixes(5), beam_fixes(1)
+    assert min(len(five), len(one)) >= 18
+    assert {each.fix.method for each in five} == {"beams"}
+    nees = []
+    for each in five:
+        fix, off = each.fix, np.array(each.error)
+        assert fix.north_sd is not None and fix.east_sd is not None and fix.correlation is not None
+        across = fix.correlation * fix.north_sd * fix.east_sd
+        nees.append(0.5 * off @ np.linalg.solve([[fix.north_sd**2, across], [across, fix.east_sd**2]], off))
+    assert 0.4 < np.mean(nees) < 1.7  # 24 fixes: three sigma of their mean are 0.6
+    assert rms_m(five) < 0.7 * rms_m(one)
+
+
 class Wanderer:
     """A filter whose state is anything: it is not aligned at times, jumps, and is more or less certain."""
 
@@ -145,13 +188,86 @@ class Wanderer:
         return bool(self._rng.random() < 0.5)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_hostile_heights_raise_nothing_and_no_output_is_infinite(seed: int) -> None:
-    rng = np.random.default_rng([seed, 99])
+class Steady(Wanderer):
+    """A filter in level flight to the east."""
+
+    def estimate(self, t_ns: int) -> Estimate:
+        here, there = (ecef_from_geodetic(LAT, LON + 1e-5 * (t_ns / 1e9 + ahead), 400.0) for ahead in (0.0, 1.0))
+        y = np.concatenate((here, there - here, [1.0, 0.0, 0.0, 0.0], np.zeros(6)))
+        return Estimate(t_ns, y, np.eye(15), np.zeros(6), FilterModel())
+
+
+class ProfileRecorder:
+    """Keeps the samples of each profile."""
+
+    def __init__(self) -> None:
+        self.samples: list[ProfileSamples] = []
+
+    def see_mark(self, t_ns: int, mark: object) -> None:
+        """Marks are not kept."""
+
+    def see_profile(self, task: MatchTask, fix: TerrainFix, marked: Estimate) -> None:
+        self.samples.append(task.heights.samples)
+
+
+def feed_frame(position: TerrainPosition, k: int) -> None:
+    """Three beams; the third is old in the first second, the second is sent twice, and the roll is 31 deg at 2 s."""
+    t_ns = k * 20_000_000
+    roll = math.radians(31.0) if k == 100 else 0.0  # beyond the limit of the altimeter
+    nav = NavState(t_ns, AttitudeState(roll, 0.0, 0.0, 0.001, 0.001), None, None, None)
+    for number in (0, 1, 1, 2):
+        along, across = beams_across(3)[number]
+        stamp = Stamp(t_ns + (200_000_000 if number == 2 and k < 50 else 0))
+        beam = BeamRange(stamp=stamp, beam="", along=along, across=across, slant_range=300.0)
+        position.feed_beam(beam, t_ns, lambda _: nav)
+
+
+def test_frames_at_10_hz_become_samples_at_5_hz_with_all_beams_once() -> None:
+    altimeter = Altimeter(kind="multibeam", range_m=(1.0, 3000.0), sd_m=0.3)
+    device = Device(name="laser", link="l", driver="d", altimeter=altimeter, max_age_ms=100.0)
+    table, recorder = TerrainPositionTable(altimeter="laser", window_s=5.0), ProfileRecorder()
+    aided = Steady(np.random.default_rng(1))
+    position = TerrainPosition(table, {"laser": device}, aided, recorder)  # type: ignore[arg-type]
+    position.set_terrain(Ground(relief("hills", 0), 0.2, "hills"))
+    for k in range(300):
+        if k % 5 == 0:
+            feed_frame(position, k)
+        position.tick(k * 20_000_000)
+    (samples,) = recorder.samples
+    times, counts = np.unique(samples.t, return_counts=True)
+    assert times.tolist() == pytest.approx([*np.arange(0.0, 1.9, 0.2), *np.arange(2.1, 5.2, 0.2)])
+    assert counts.tolist() == [2] * 5 + [3] * (len(times) - 5)
+    assert np.linalg.norm(samples.axes, axis=1) == pytest.approx(1.0)
+
+
+def hostile_input(
+    position: TerrainPosition, kind: str, rng: np.random.Generator, t_ns: int, attitude: AttitudeState | None
+) -> None:
+    """A height, or a frame of five beams, with any value, age and attitude."""
+    nav = NavState(t_ns, attitude, None, None, None)
+    late_ns = int(rng.integers(0, 300_000_000))
+    values = [float(rng.choice([rng.uniform(0.0, 3000.0), 300.0, 1.0, math.nan])) for _ in range(5)]
+    if kind == "multibeam":
+        for (along, across), value in zip(beams_across(5), values, strict=True):
+            slant_range = None if rng.random() < 0.1 else value
+            beam = BeamRange(stamp=Stamp(t_ns), beam="b", along=along, across=across, slant_range=slant_range)
+            valid_ns = t_ns - late_ns - int(rng.random() < 0.05)
+            position.feed_beam(beam, valid_ns, lambda at_ns: structs.replace(nav, t_ns=at_ns))
+        return
+    raw = None if rng.random() < 0.05 else np.nan_to_num(values[0], nan=2.0).item()
+    height = HeightAboveGround(
+        t_ns=t_ns, t_valid_ns=t_ns - late_ns, sensor="laser", raw=raw, height_agl=raw, sd=0.3, valid=True,
+        reasons=(), nearest=raw, nearest_sd=None if rng.random() < 0.1 else 0.3,
+    )  # fmt: skip
+    position.feed_height(height, nav)
+
+
+@pytest.mark.parametrize("kind", ["laser", "radar", "multibeam"])
+def test_hostile_ranges_raise_nothing_and_no_output_is_infinite(kind: Any) -> None:
+    rng = np.random.default_rng([0, 99])
     ground = relief("hills", 0)
     holes = ground.finest.heights.copy()
     holes[rng.integers(0, len(holes), 400), rng.integers(0, len(holes), 400)] = np.nan
-    kind = rng.choice(["laser", "radar"])
     altimeter = Altimeter(kind=kind, range_m=(1.0, 3000.0), beam_deg=40.0)
     devices = {"laser": Device(name="laser", link="l", driver="d", altimeter=altimeter)}
     table = TerrainPositionTable(altimeter="laser", window_s=5.0)
@@ -161,16 +277,9 @@ def test_hostile_heights_raise_nothing_and_no_output_is_infinite(seed: int) -> N
     for k in range(4000):
         t_ns = k * 20_000_000
         if k % 10 == 0:
-            raw = None if rng.random() < 0.05 else float(rng.choice([rng.uniform(0.0, 3000.0), 300.0, 1.0]))
-            angles = rng.uniform(-1.5, 1.5, 3) if rng.random() < 0.1 else np.zeros(3)
-            late_ns = int(rng.integers(0, 300_000_000))
-            height = HeightAboveGround(
-                t_ns=t_ns, t_valid_ns=t_ns - late_ns, sensor="laser", raw=raw, height_agl=raw, sd=0.3, valid=True,
-                reasons=(), nearest=raw, nearest_sd=None if rng.random() < 0.1 else 0.3,
-            )  # fmt: skip
-            roll, pitch, heading = angles.tolist()
+            roll, pitch, heading = (rng.uniform(-1.5, 1.5, 3) if rng.random() < 0.1 else np.zeros(3)).tolist()
             attitude = None if rng.random() < 0.01 else AttitudeState(roll, pitch, heading, 0.001, 0.001)
-            position.feed_height(height, NavState(t_ns, attitude, None, None, None))
+            hostile_input(position, kind, rng, t_ns, attitude)
         for output in position.tick(t_ns):
             outputs += 1
             if isinstance(output, TerrainFix):
