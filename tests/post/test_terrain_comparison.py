@@ -72,7 +72,8 @@ def test_a_row_of_the_table() -> None:
     assert row.error_over_sd == pytest.approx(math.sqrt((1.0 + 4.0 + 64.0) / 3.0 / 2.0))
     assert row.inside == pytest.approx(2.0 / 3.0)  # 2.45 sigma of two dimensions contain 95 %
     assert row.wrong == 1
-    assert row.error_over_bound == pytest.approx(2.0)
+    # errors of 5 m and 10 m; bounds with the map, 18 m^2
+    assert row.error_over_bound == pytest.approx(math.sqrt(0.5 * (25.0 / (6.25 + 18.0) + 100.0 / (25.0 + 18.0))))
     assert row.cpu_s == pytest.approx(0.1)
     assert row.filter_m == pytest.approx(math.sqrt(12.5))
 
@@ -81,6 +82,7 @@ def test_the_sigma_of_the_reference_counts() -> None:
     exact, uncertain = fix(10.0, 0.0), changed(fix(10.0, 0.0), reference_cov=75.0 * np.eye(2))
     rows = [method_row("profile", [each], [1.0], [], MAP_SD_M) for each in (exact, uncertain)]
     assert [row.error_over_sd for row in rows] == pytest.approx([math.sqrt(2.0), math.sqrt(0.5)])
+    assert [row.error_over_bound for row in rows] == pytest.approx([10.0 / math.sqrt(19.0), 10.0 / math.sqrt(169.0)])
     assert rows[0].sd_m == rows[1].sd_m
 
 

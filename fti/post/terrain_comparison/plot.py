@@ -14,7 +14,7 @@ from fti.arrays import Array
 from fti.constants import SECOND_NS
 from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, label_axes, new_figure
 from fti.post.terrain_comparison.observer import ALONE, BOUND, ComparedFlight, MethodFix
-from fti.post.terrain_comparison.statistics import FlightResult, stated_cov
+from fti.post.terrain_comparison.statistics import FlightResult, bound_with_map, stated_cov
 
 COLOURS = (BLUE, ORANGE, PURPLE, VERMILION, GREEN, SKY)
 #: Points across the map, and its margin around the track [m].
@@ -119,7 +119,9 @@ def _errors(axes: Axes, flight: ComparedFlight, name: str, colour: str) -> None:
     axes.plot(t[valid], error[valid], "o", color=colour, markersize=4, label="valid")
     axes.plot(t[~valid], error[~valid], "x", color=GREY, markersize=5, label="refused")
     axes.plot(t[valid], sd[valid], "_", color=BLACK, markersize=10, label="stated sigma")
-    axes.plot(t, flight.bounds, color=SKY, linewidth=0.9, label="bound")
+    axes.plot(
+        t, [bound_with_map(bound, flight.map_sd) for bound in flight.bounds], color=SKY, linewidth=0.9, label="bound"
+    )
     axes.set_yscale("log")
     label_axes(axes, "", "[m]", f"{name}: error of the fix")
 

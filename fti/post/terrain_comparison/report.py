@@ -17,7 +17,7 @@ HEAD = (
 #: Explains the columns; each line is printed.
 LEGEND = (
     "horizontal errors of valid fixes [m]; sigma: stated, of fix and map; error/sigma: 1 is right; in 95 %: ellipse",
-    "wrong: beyond 99.9 % of the ellipse and 30 m; error/bound: over the Cramer-Rao bound of the profile",
+    "wrong: beyond 99.9 % of the ellipse and 30 m; error/bound: Cramer-Rao bound of the profile with map and reference",
     "cpu: of one profile [s]; filter: RMS error [m] of the filter without satellites with the fixes of this method",
 )
 

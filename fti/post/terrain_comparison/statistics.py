@@ -30,7 +30,7 @@ class MethodRow:
     sd_m      : median of the stated sigma, both axes together, of fix and map
     error_over_sd : RMS of the error over sigma of fix, map and reference, for each axis; 1 is right
     inside    : share of errors within the 95 % ellipse;  wrong : fixes beyond 99.9 % of it and 30 m
-    error_over_bound : RMS of the error over the Cramer-Rao bound of its profile
+    error_over_bound : RMS of the error over the Cramer-Rao bound of its profile, with the sigmas of map and reference
     cpu_s     : median of the processor time of a profile
     filter_m  : RMS error of the filter without satellites that this method alone aids
     """
@@ -109,7 +109,11 @@ def method_row(
     ]
     errors = [float(np.hypot(*error)) for _, error, _ in compared]
     squares = [float(error @ np.linalg.solve(total_cov(each, map_sd), error)) for each, error, _ in compared]
-    over_bound = [error / bound for error, (_, _, bound) in zip(errors, compared, strict=True) if bound > 0.0]
+    over_bound = [
+        error / math.hypot(bound_with_map(bound, map_sd), _reference_sd(each))
+        for error, (each, _, bound) in zip(errors, compared, strict=True)
+        if bound > 0.0
+    ]
     return MethodRow(
         method=name,
         about=METHODS[name].about,
@@ -140,6 +144,15 @@ def total_cov(each: MethodFix, map_sd: float) -> Array:
     """The same with the reference."""
     cov = stated_cov(each, map_sd)
     return cov if each.reference_cov is None else cov + each.reference_cov
+
+
+def bound_with_map(bound: float, map_sd: float) -> float:
+    """Bound of a profile with respect to the Earth, both axes together [m]."""
+    return math.hypot(bound, math.sqrt(2.0) * map_sd)
+
+
+def _reference_sd(each: MethodFix) -> float:
+    return 0.0 if each.reference_cov is None else math.sqrt(np.trace(each.reference_cov))
 
 
 def _median(values: Sequence[float]) -> float:
