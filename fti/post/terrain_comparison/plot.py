@@ -72,8 +72,8 @@ def _map(axes: Axes, flight: ComparedFlight, colours: dict[str, str]) -> None:
             _ellipse(axes, flight, each, colour, scale)
     handles = [Line2D([], [], color=BLACK, label="reference track")]
     handles += [Line2D([], [], color=colour, marker="o", linestyle="", label=name) for name, colour in colours.items()]
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, -0.08), ncols=3)
-    axes.set_aspect("equal")
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, -0.12), ncols=3)
+    axes.set(aspect="equal", xlim=extent[:2], ylim=extent[2:])
     axes.grid(visible=False)
     label_axes(
         axes, "east [km]", "north [km]", f"valid fixes: errors and 95 % ellipses of fix and map, enlarged {scale} times"
