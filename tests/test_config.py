@@ -160,7 +160,7 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (changed("altimeter = {", "rpy_bs_deg = [0, 90, 0]\naltimeter = {"), ["[0].rpy_bs_deg", "90", "85 degrees"]),
         (
             changed('kind = "radar", ', 'kind = "sonar", '),
-            ["altimeter.kind", "'sonar'", "'radar' or 'laser'"],
+            ["altimeter.kind", "'sonar'", "'radar', 'laser' or 'multibeam'"],
         ),
         (changed('altimeters = ["radar"]', 'altimeters = ["ins"]'), ["nav.altimeters", "'ins'", "altimeter"]),
         (changed('vertical = "egm96"', 'vertical = "navd88"'), ["nav.terrain.vertical", "'navd88'", "'egm2008'"]),
@@ -169,6 +169,18 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (changed(', vertical = "egm96"', ""), ["nav.terrain.vertical", "missing", "egm2008"]),
         (changed('vertical = "egm96"', 'vertical = "egm96", radius_m = 9'), ["nav.terrain", "centre_deg", "both"]),
         (changed('files = ["dem/a.npz"]', 'scene = "demo"'), ["nav.terrain.vertical", "not allowed with scene"]),
+        (
+            changed('vertical = "egm96"', 'vertical = "egm96", land_cover = "c.tif"'),
+            ["nav.terrain.cover: missing", "need each other"],
+        ),
+        (
+            changed(
+                'vertical = "egm96"',
+                'vertical = "egm96", land_cover = "c.tif", cover = [{ classes = [10, 20], altimeter = "laser" }, '
+                '{ classes = [20], altimeter = "laser" }]',
+            ),
+            ["nav.terrain.cover", "class 20 of a laser is in two tables"],
+        ),
         (GOOD + '[nav.filter]\nimu = "imu"', ["nav.filter.imu", "'imu'", "radar, ins"]),
         (GOOD + '[nav.filter]\nimu = "ins"\naltimeters = ["ins"]', ["nav.filter.altimeters", "'ins'", "radar"]),
         (

@@ -76,10 +76,11 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
         check_paths(settings, files)
     except ConfigError as error:
         raise ConfigError(f"{config.path}: {error}") from None
+    _check_land_cover(config, settings)
     try:
         catalogue = read_catalogue(files, stated_datums(settings, files))
-        if settings.memory_mb is not None:
-            area = catalogue.area_around(*catalogue.finest.middle, settings.memory_mb, settings.cell_m)
+        if settings.square_mb is not None:
+            area = catalogue.area_around(*catalogue.finest.middle, settings.square_mb, settings.cell_m)
             files, centre, radius_m = area.files, (area.lat, area.lon), area.radius_m
         layers = survey_layers(
             files,
@@ -102,6 +103,17 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
             "resampling_max_m": round(layer.resampling.max_m, 2),
             "square_m": None if area is None else 2.0 * area.radius_m,
         }
+
+
+def _check_land_cover(config: Config, settings: TerrainFiles) -> None:
+    from fti.terrain.files.land_cover import check_land_cover
+
+    if settings.land_cover is None:
+        return
+    try:
+        check_land_cover(settings.land_cover)
+    except (ConfigError, MissingError) as error:
+        raise type(error)(f"{config.path}: nav.terrain.land_cover = {error}") from None
 
 
 def layer_cells(layer: dict[str, Any]) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainF
 from fti.errors import ConfigError, MissingError, did_you_mean
 
 #: Keys of ``[nav.terrain]`` that need ``files``.
-FILE_KEYS = ("vertical", "centre_deg", "radius_m", "memory_mb", "cell_m", "file")
+FILE_KEYS = ("vertical", "centre_deg", "radius_m", "memory_mb", "cell_m", "land_cover", "cover", "file")
 
 #: GDAL's prefix of a file in a zip.
 VSIZIP = "/vsizip/"
@@ -177,6 +177,15 @@ def _check_terrain(terrain: TerrainFiles | None, file: str) -> None:
         raise ConfigError(f"{file}: nav.terrain: needs only one of memory_mb and centre_deg with radius_m")
     if terrain.scene and (extra := [key for key in FILE_KEYS if getattr(terrain, key) not in (None, ())]):
         raise ConfigError(f"{file}: nav.terrain.{extra[0]}: not allowed with scene, only with files")
+    if (terrain.land_cover is None) != (not terrain.cover):
+        missing = "cover" if terrain.land_cover else "land_cover"
+        raise ConfigError(
+            f"{file}: nav.terrain.{missing}: missing; land_cover and [[nav.terrain.cover]] need each other"
+        )
+    pairs = [(table.altimeter, number) for table in terrain.cover for number in table.classes]
+    if twice := [pair for k, pair in enumerate(pairs) if pair in pairs[:k]]:
+        kind, number = twice[0]
+        raise ConfigError(f"{file}: nav.terrain.cover: class {number} of a {kind} is in two tables")
     for i, table in enumerate(terrain.file):
         if table.vertical is None and table.sd_m is None and table.date is None:
             raise ConfigError(f"{file}: nav.terrain.file[{i}]: needs at least one of vertical, sd_m and date")
@@ -211,7 +220,10 @@ def _resolve_paths(config: Config, folder: Path) -> Config:
     if nav.terrain:
         files = tuple(elevation(f) for f in nav.terrain.files)
         tables = tuple(table.model_copy(update={"path": elevation(table.path)}) for table in nav.terrain.file)
-        nav = nav.model_copy(update={"terrain": nav.terrain.model_copy(update={"files": files, "file": tables})})
+        changes: dict[str, Any] = {"files": files, "file": tables}
+        if nav.terrain.land_cover is not None:
+            changes["land_cover"] = elevation(nav.terrain.land_cover)
+        nav = nav.model_copy(update={"terrain": nav.terrain.model_copy(update=changes)})
     if nav.approach:
         approach = nav.approach.model_copy(update={"profile": absolute(nav.approach.profile)})
         nav = nav.model_copy(update={"approach": approach})

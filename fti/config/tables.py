@@ -409,6 +409,33 @@ class TerrainFileTable(StrictModel):
     ] = None
 
 
+class LandCoverTable(StrictModel):
+    """``[[nav.terrain.cover]]``: what a kind of altimeter measures over classes of land cover.
+
+    For the profiles of ``[nav.terrain_position]``.  The numbers depend on the plants, the season and the altimeter:
+    there is no default.
+    """
+
+    classes: Annotated[
+        tuple[Annotated[int, Field(ge=1, le=255)], ...],
+        Field(min_length=1),
+        key("values of nav.terrain.land_cover; ESA WorldCover: 10 trees, 50 built-up, 80 water", NO_UNIT, [10]),
+    ]
+    altimeter: Annotated[
+        Literal["radar", "laser", "multibeam"],
+        key("kind of altimeter, as in device.altimeter.kind", NO_UNIT, "laser"),
+    ]
+    bias_m: Annotated[
+        Annotated[float, Field(ge=-10, le=100)],
+        key("height of the measured surface above the elevation, on average", "m"),
+    ] = 0.0
+    sd_m: Annotated[
+        Annotated[float, Field(ge=0, le=100)],
+        key("1-sigma of that height, in addition to that of the elevation", "m"),
+    ] = 0.0
+    excluded: Annotated[bool, key("the ground below it is unknown: no sample there is used", NO_UNIT)] = False
+
+
 class TerrainFiles(StrictModel):
     """``[nav.terrain]``: elevation files and the datum of their heights, or a scene of the emulator.
 
@@ -466,10 +493,29 @@ class TerrainFiles(StrictModel):
         Positive,
         key("1-sigma of heights of files that do not state it (DTED does); the error of resampling is added", "m"),
     ] = 1.5
+    land_cover: Annotated[
+        str | None,
+        key(
+            "classes of land cover, one band of bytes, 0 unknown (GeoTIFF, such as ESA WorldCover); none: unknown "
+            "everywhere",
+            NO_UNIT,
+            "worldcover.tif",
+        ),
+    ] = None
+    cover: Annotated[
+        tuple[LandCoverTable, ...],
+        key("[[nav.terrain.cover]]: what altimeters measure over classes of nav.terrain.land_cover", NO_UNIT),
+    ] = ()
     file: Annotated[
         tuple[TerrainFileTable, ...],
         key("[[nav.terrain.file]]: datum, sigma and date of single files, folders or patterns", NO_UNIT),
     ] = ()
+
+    @property
+    def square_mb(self) -> float | None:
+        """The part of memory_mb for the elevation; the surface that a kind of altimeter measures needs as much."""
+        kinds = {table.altimeter for table in self.cover}
+        return None if self.memory_mb is None else self.memory_mb / (1 + len(kinds))
 
 
 class Approach(StrictModel):

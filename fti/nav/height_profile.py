@@ -88,7 +88,10 @@ class ProfileSamples:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _SensorState:
-    """The altimeter at a time: origin (3,) [m], body frame to that of the terrain, sigma of the elevation there [m]."""
+    """The altimeter at a time: origin (3,) [m], body frame to that of the terrain, sigma of the elevation [m].
+
+    The elevation is that of the measured point, of the first one of several beams; of a radar that straight below.
+    """
 
     t_ns: int
     origin: Array
@@ -149,7 +152,9 @@ class HeightProfile:
         frame, (lat, lon, alt) = self.ground.terrain.frame, estimate.geodetic
         mat = frame.mat_ln(lat, lon) @ np.array(mat_nb(attitude.roll, attitude.pitch, attitude.heading))
         origin = frame.to_local(lat, lon, alt) + mat @ self.mounting.lever_arm_b
-        self._states.append(_SensorState(t_ns, origin, mat, self.ground.sd_at(float(origin[0]), float(origin[1]))))
+        is_point = self.mounting.half_beam == 0.0
+        east, north, _ = origin + measured.slant_range * (mat @ measured.direction_b) if is_point else origin
+        self._states.append(_SensorState(t_ns, origin, mat, self.ground.sd_at(float(east), float(north))))
         self._ranges.append((self._states[-1], measured))
         self._last = estimate
         return not has_jumped

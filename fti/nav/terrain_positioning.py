@@ -124,6 +124,8 @@ class TerrainPosition:
 
     def set_terrain(self, ground: Ground | None) -> None:
         """Set the known ground; a profile over another one is dropped."""
+        if ground and self._device.altimeter:
+            ground = ground.sensed_by(self._device.altimeter.kind)
         period_ns = BEAM_PERIOD_NS if self._method_name == BEAMS else PERIOD_NS
         self._profile, self._mark = HeightProfile(self._mounting, ground, period_ns) if ground else None, None
 

@@ -6,14 +6,16 @@ import functools
 import hashlib
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.arrays import Array
 from fti.terrain.file_info import NO_SOURCE
+from fti.terrain.surface import nearest_posts
 
 if TYPE_CHECKING:
     from fti.terrain.terrain import Terrain
@@ -30,6 +32,8 @@ class Ground:
 
     terrain : the surface; name : its data source; files : paths of the source files
     radius_m : half the side of the loaded square around the frame's origin [m]; None: all is loaded
+    sensed : of some kinds of altimeters, the surface that they measure (``fti.nav.land_cover``)
+    cover_sds : of such a surface: one sigma of its height above the elevation, of the posts of each layer [m]
     sd      : one sigma of the heights of files that do not state it [m]; of the surface, with its resampling: ``sd_at``
     """
 
@@ -38,6 +42,12 @@ class Ground:
     name: str
     files: tuple[str, ...] = ()
     radius_m: float | None = None
+    sensed: Mapping[str, Ground] = field(default_factory=dict)
+    cover_sds: tuple[Array, ...] = ()
+
+    def sensed_by(self, kind: str) -> Ground:
+        """The surface that a kind of altimeter measures."""
+        return self.sensed.get(kind, self)
 
     def sd_at(self, east: float, north: float) -> float:
         """One sigma of the surface [m] at a position in the terrain's frame [m]: sqrt(sd^2 + RMS of the resampling^2).
@@ -45,11 +55,18 @@ class Ground:
         The sigma is that of the file of the nearest post, if the file states it; the RMS that of the layer at the
         position.  Outside all layers, and for layers without a file: sd.
         """
-        sd = self._source_sd(east, north)
+        sd = math.hypot(self._source_sd(east, north), self._cover_sd(east, north))
         for layer, resampling in zip(self.terrain.layers, self.terrain.resampling, strict=False):
             if layer.east0 <= east <= layer.east1 and layer.north0 <= north <= layer.north1:
                 return math.hypot(sd, resampling.rms_m)
         return sd
+
+    def _cover_sd(self, east: float, north: float) -> float:
+        if not self.cover_sds:
+            return 0.0
+        of_layer, posts = nearest_posts(self.terrain.posts, np.array([east]), np.array([north]))
+        is_outside = of_layer[0] < 0
+        return 0.0 if is_outside else float(self.cover_sds[int(of_layer[0])].ravel()[posts[0]])
 
     def _source_sd(self, east: float, north: float) -> float:
         sds = self._sds_of_files
@@ -79,7 +96,8 @@ class Ground:
         The hash changes with the last bits of the posts, which depend on the processor.  This sum changes by the change
         of a post, at most: sums within ``CHECKSUM_TOLERANCE_M`` belong to the same terrain.
         """
-        return tuple(_signed_sum(layer.heights) for layer in self.terrain.layers)
+        sensed = (number for _, ground in sorted(self.sensed.items()) for number in ground.checksums)
+        return (*(_signed_sum(layer.heights) for layer in self.terrain.layers), *sensed)
 
     def has_checksums(self, checksums: Sequence[float]) -> bool:
         """Whether these are the checksums of the same posts."""

@@ -20,7 +20,7 @@ from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.terrain_loader import TerrainLoader, load_terrain
 from fti.service.terrain_retry import TerrainRetry
 from tests.helpers import until
-from tests.terrain.elevation_files import write_dted
+from tests.terrain.elevation_files import LAT, LON, from_origin, write_dted, write_ground, write_tif
 
 
 def _config(**terrain: Any) -> Config:
@@ -81,6 +81,22 @@ def test_tables_of_files_have_precedence_over_what_a_file_states(tmp_path: Path)
         (west, "egm96", None, 6.1),
         (east, "ellipsoid", "2021", 0.5),
     ]
+
+
+def test_land_cover_changes_what_an_altimeter_measures_and_not_the_ground(tmp_path: Path) -> None:
+    elevation = write_ground(tmp_path / "dtm.tif", lambda lat, lon: 500.0 + 0.0 * lat * lon, "EPSG:32632", 40, 50.0)
+    woods = np.full((40, 40), 10, dtype=np.uint8)
+    cover = write_tif(tmp_path / "cover.tif", woods, "EPSG:4326", from_origin(LON - 0.1, LAT + 0.1, 0.005, 0.005))
+    table = {"classes": [10], "altimeter": "laser", "bias_m": 17.0, "sd_m": 5.0}
+    config = _config(files=[elevation], vertical="ellipsoid", memory_mb=100, land_cover=cover, cover=[table])
+    assert config.nav.terrain
+    assert config.nav.terrain.square_mb == 50.0
+    ground = load_terrain(config.nav.terrain)
+    laser = ground.sensed_by("laser")
+    raised = laser.terrain.finest.heights - ground.terrain.finest.heights
+    assert np.nanmin(raised) == np.nanmax(raised) == 17.0
+    assert laser.sd_at(0.0, 0.0) == pytest.approx(math.hypot(5.0, ground.sd_at(0.0, 0.0)))
+    assert ground.sensed_by("radar") is ground
 
 
 def test_another_post_is_another_ground() -> None:

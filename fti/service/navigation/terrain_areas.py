@@ -61,12 +61,12 @@ class TerrainAreas:
         from fti.terrain.files.stated_properties import check_paths, stated_datums  # noqa: PLC0415 - see above
 
         settings = self._settings
-        assert settings.memory_mb is not None
+        assert settings.square_mb is not None
         if self._catalogue is None:
             files = list_files(settings.files)
             check_paths(settings, files)
             self._catalogue = read_catalogue(files, stated_datums(settings, files), local_only=self._local_only)
-        return self._catalogue.area_around(lat, lon, settings.memory_mb, settings.cell_m)
+        return self._catalogue.area_around(lat, lon, settings.square_mb, settings.cell_m)
 
 
 def wanted_areas(areas: TerrainAreas | None, products: Iterable[ChainOutput]) -> Iterator[NavSolution]:

@@ -64,7 +64,17 @@ def load_terrain(
     )
     terrain = replace(terrain, sources=tuple(with_stated(settings, source) for source in terrain.sources))
     name = _area_name(area) if area else ", ".join(files)
-    return Ground(terrain, settings.sd_m, name, files, area.radius_m if area else None)
+    ground = Ground(terrain, settings.sd_m, name, files, area.radius_m if area else None)
+    return _with_land_cover(ground, settings, local_only) if settings.land_cover else ground
+
+
+def _with_land_cover(ground: Ground, settings: TerrainFiles, local_only: bool) -> Ground:
+    from fti.nav.land_cover import sensed_grounds  # noqa: PLC0415
+    from fti.terrain.files.land_cover import read_land_cover  # noqa: PLC0415 - see above
+
+    assert settings.land_cover is not None
+    classes = read_land_cover(settings.land_cover, ground.terrain, local_only=local_only)
+    return replace(ground, sensed=sensed_grounds(ground, classes, settings.cover))
 
 
 def _area_name(area: TerrainArea) -> str:

@@ -63,7 +63,7 @@ class ElevationFile:
     """
 
     def __init__(self, path: str, words: Mapping[str, str], *, local_only: bool = False) -> None:
-        self._dataset = _open(path, local_only)
+        self._dataset = open_raster(path, local_only)
         try:
             whole = _read_crs(path, self._dataset)
             self.crs, upright = split_crs(whole)
@@ -222,7 +222,8 @@ def nearest_turn(x: ArrayLike, turn: float) -> Array:
     return np.asarray(np.remainder(np.asarray(x) + turn / 2, turn) - turn / 2)
 
 
-def _open(path: str, local_only: bool) -> Any:
+def open_raster(path: str, local_only: bool) -> Any:
+    """Open a file with GDAL.  Raises MissingError or ConfigError."""
     if local_only:
         return _open_without_warnings(open_local, path)
     if not path.startswith("/vsi") and not Path(path).exists():

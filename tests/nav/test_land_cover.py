@@ -1,0 +1,92 @@
+"""Land cover in the live position: the true ground is the top of woods, the map is the bare ground below them."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from fti.arrays import Codes
+from fti.config import LandCoverTable
+from fti.messages.reasons import Reason
+from fti.nav.inertial_aiding import AidedNavigation
+from fti.nav.land_cover import sensed_grounds
+from fti.nav.terrain_reference import Ground
+from fti.study.ground_flights import GroundCase, GroundRun, LaserPosition, Sensors, fly
+from fti.terrain.layer import Layer
+from fti.terrain.synthetic import forest
+from fti.terrain.terrain import Terrain
+
+WOODS, WATER = 10, 80
+#: Of the woods of ``synthetic.forest``, 10 to 25 m high.
+BIAS_M, SD_M = 17.5, 5.0
+TABLE = LandCoverTable(classes=(WOODS,), altimeter="laser", bias_m=BIAS_M, sd_m=SD_M)
+
+
+def bare_ground(known: Ground) -> tuple[Ground, Codes]:
+    """The ground below the woods of a surface, and the classes of its posts."""
+    layer = known.terrain.finest
+    canopy = forest(layer.heights.shape, layer.cell_m, np.random.default_rng(8), cover=0.4)
+    bare = Ground(known.terrain.with_finest(layer.heights - canopy), known.sd, "bare")
+    return bare, np.where(canopy > 0.0, WOODS, 30).astype(np.uint8)
+
+
+def position_over_woods(
+    case: GroundCase, sensors: Sensors, known: Ground, aided: AidedNavigation, *, tables: tuple[LandCoverTable, ...]
+) -> LaserPosition:
+    bare, classes = bare_ground(known)
+    sensed = sensed_grounds(bare, [classes], tables)
+    return LaserPosition(case, sensors, Ground(bare.terrain, bare.sd, "bare", sensed=sensed), aided)
+
+
+def run(*tables: LandCoverTable) -> GroundRun:
+    case = GroundCase(seconds=160.0, window_s=15.0, map_sd=2.0, relief="hills")
+    return fly(case, 5, 2, functools.partial(position_over_woods, tables=tables))
+
+
+def test_without_its_cover_no_profile_over_woods_fits() -> None:
+    fixes = [each.fix for each in run().fixes]
+    assert len(fixes) >= 8
+    assert not any(fix.valid for fix in fixes)
+    assert {reason for fix in fixes for reason in fix.reasons} & {Reason.PROFILE_MISFIT, Reason.REJECTED}
+
+
+def test_with_its_cover_the_error_of_a_fix_is_that_of_its_sigma() -> None:
+    fixes = run(TABLE).fixes
+    valid = [each for each in fixes if each.fix.valid]
+    assert len(valid) >= max(8, len(fixes) - 1)
+    ratios = [
+        error / sd
+        for each in valid
+        for error, sd in zip(each.error, (each.fix.north_sd, each.fix.east_sd), strict=True)
+        if sd is not None
+    ]
+    assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+def two_layers() -> tuple[Ground, list[Codes]]:
+    """Level; fine posts within 1 km, coarse ones around; woods in the east, water in the south-west."""
+    layers = Layer(np.zeros((21, 21)), 100.0, -1000.0, -1000.0), Layer(np.zeros((11, 11)), 1000.0, -5000.0, -5000.0)
+    frame = Terrain.from_array(np.zeros((2, 2)), 1.0).frame
+    classes = []
+    for layer in layers:
+        east, north = np.meshgrid(layer.east, layer.north)
+        classes.append(np.where(east > 0.0, WOODS, np.where(north < 0.0, WATER, 30)).astype(np.uint8))
+    return Ground(Terrain(layers, frame), 1.5, "two layers"), classes
+
+
+def test_the_measured_surface_has_bias_sigma_and_holes_by_class() -> None:
+    ground, classes = two_layers()
+    water = LandCoverTable(classes=(WATER,), altimeter="laser", excluded=True)
+    ground = Ground(ground.terrain, 1.5, "", sensed=sensed_grounds(ground, classes, (TABLE, water)))
+    assert ground.sensed_by("radar") is ground
+    laser = ground.sensed_by("laser")
+    for size in (500.0, 4000.0):
+        assert laser.terrain.up(size, 0.0) == pytest.approx(BIAS_M)
+        assert laser.terrain.up(-size, size) == 0.0
+        assert np.isnan(laser.terrain.up(-size, -size))
+        assert laser.sd_at(size, 0.0) == pytest.approx(np.hypot(1.5, SD_M))
+        assert laser.sd_at(-size, size) == 1.5
+    assert laser.sd_at(9000.0, 0.0) == 1.5
+    assert len(ground.checksums) == 4 and not ground.has_checksums(ground.checksums[:2])

@@ -1,0 +1,40 @@
+"""Classes of land cover below the posts of a terrain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fti.errors import ConfigError, MissingError
+from fti.terrain.files.land_cover import check_land_cover, read_land_cover
+from fti.terrain.terrain import Terrain
+from tests.terrain.elevation_files import LAT, LON, from_origin, write_tif
+
+WOODS, CROP = 10, 40
+
+
+def test_each_post_has_the_class_of_the_pixel_around_it(tmp_path: Path) -> None:
+    """Woods west of the middle, crops east of it; north of 2 km the raster ends."""
+    numbers = np.full((40, 40), WOODS, dtype=np.uint8)
+    numbers[:, 20:] = CROP
+    path = write_tif(tmp_path / "cover.tif", numbers, "EPSG:4326", from_origin(LON - 0.04, LAT + 0.018, 0.002, 0.002))
+    posts = np.full((601, 41), 500.0)
+    terrain = Terrain.from_array(posts, 10.0, lat0=np.radians(LAT), lon0=np.radians(LON), east0=-200.0, north0=-3000.0)
+    (classes,) = read_land_cover(path, terrain)
+    south = terrain.finest.north < 1900.0
+    assert (classes[south][:, :20] == WOODS).all() and (classes[south][:, 21:] == CROP).all()
+    assert (classes[terrain.finest.north > 2100.0] == 0).all()
+    assert np.array_equal(read_land_cover(path, terrain, local_only=True)[0], classes)
+
+
+def test_a_file_that_is_no_raster_of_classes_is_named(tmp_path: Path) -> None:
+    terrain = Terrain.from_array(np.zeros((2, 2)), 10.0)
+    heights = write_tif(tmp_path / "heights.tif", np.zeros((4, 4)), "EPSG:4326", from_origin(11.0, 48.0, 0.1, 0.1))
+    with pytest.raises(ConfigError, match=r"heights\.tif: has 1 bands of float32; land cover is one band of uint8"):
+        read_land_cover(heights, terrain)
+    with pytest.raises(ConfigError, match=r"heights\.tif: has 1 bands"):
+        check_land_cover(heights)
+    with pytest.raises(MissingError, match=r"none\.tif: file not found"):
+        read_land_cover(str(tmp_path / "none.tif"), terrain)
