@@ -35,8 +35,9 @@ from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surfa
 from fti.nav.terrain_matching.beam_profile import BeamTrack, match_beams
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal, match, without_position
 from fti.nav.terrain_matching.likelihood import Likelihood
+from fti.nav.terrain_matching.nearest_surface import RadarTrack, nearest_surface
 from fti.nav.terrain_matching.printed_metric import matching_covariance, mean_absolute_residual
-from fti.nav.terrain_matching.profile import Profile
+from fti.nav.terrain_matching.profile import MIN_SAMPLES, Profile
 from fti.nav.terrain_matching.reach import search_area
 from fti.nav.terrain_matching.search import Lattice, five_point_search
 from fti.nav.terrain_matching.window import TerrainWindow
@@ -246,3 +247,15 @@ def name_in_flight(altimeter: Altimeter) -> str:
 def methods_for(altimeter: Altimeter) -> dict[str, TerrainMethod]:
     """New methods that apply to an altimeter, by name."""
     return {name: entry.make(altimeter) for name, entry in METHODS.items() if altimeter.kind in entry.kinds}
+
+
+def warm_up() -> None:
+    """Compile the kernels of the methods in flight, for a window that is a view of posts and for one that is not."""
+    still = np.zeros(MIN_SAMPLES)
+    profile = Profile(np.arange(float(MIN_SAMPLES)), still, still, still, still + 1.0, 1.0)
+    track = RadarTrack(np.array([[0.0, 0.0, 10.0]]), np.array([[0.0, 0.0, -1.0]]), 0.3)
+    posts = np.zeros((12, 12))
+    for heights in (posts, posts[:, 1:]):
+        window = TerrainWindow(heights, 1.0, -5.0, -5.0)
+        match(window, profile, Lattice(2))
+        nearest_surface(window, track, 5.0)

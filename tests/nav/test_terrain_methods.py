@@ -7,6 +7,8 @@ four times the rays of the model that the methods know, and states the sigma of 
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -33,6 +35,7 @@ from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.sensor import Poses
 from fti.study.ground_flights import relief
 from fti.terrain.terrain import Terrain
+from tests.helpers import ROOT
 
 STATED_SD_M = {"laser": 0.3, "radar": 2.0, "multibeam": 0.3}
 SAMPLES, SPEED_MPS, CLEARANCE_M, MAX_BANK = 75, 60.0, 150.0, math.radians(15.0)
@@ -140,6 +143,29 @@ def test_no_method_has_a_position_over_unknown_ground(kind: str) -> None:
         fix = method.match(given)
         assert fix.refusals == {Refusal.UNKNOWN_GROUND}
         assert np.isnan(fix.shift).all()
+
+
+def test_the_first_fix_of_a_flight_compiles_nothing() -> None:
+    """In an interpreter of its own: navigation must not stand still for seconds."""
+    script = """
+from dataclasses import replace
+from fti.nav.terrain_matching.likelihood import _gram_of
+from fti.nav.terrain_matching.nearest_surface import fill_nearest
+from fti.nav.terrain_matching.search import _lattice_sums
+from fti.nav.terrain_methods import METHODS, name_in_flight, warm_up
+from tests.nav.test_terrain_methods import ALTIMETERS, relief, task
+
+kernels = (_lattice_sums, _gram_of, fill_nearest)
+warm_up()
+compiled = [len(kernel.signatures) for kernel in kernels]
+ground = relief("hills", 0)
+for kind, altimeter in ALTIMETERS.items():
+    for reach_m in (150.0, 5000.0):
+        METHODS[name_in_flight(altimeter)].make(altimeter).match(replace(task(kind, ground, ground), reach_m=reach_m))
+assert min(compiled) > 0
+assert [len(kernel.signatures) for kernel in kernels] == compiled
+"""
+    subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True)
 
 
 def test_poses_have_the_beam_as_third_axis() -> None:

@@ -66,7 +66,7 @@ def nearest_surface(window: TerrainWindow, track: RadarTrack, corridor_m: float)
     apparent = np.full(window.heights.shape, np.nan)
     cell = window.cell_m
     columns, rows = window.places(track.origins[:, 0], track.origins[:, 1])
-    _fill_nearest(
+    fill_nearest(
         window.heights, cell, np.column_stack((columns, rows, track.origins[:, 2])), track.axes,
         math.cos(track.half_beam), math.tan(track.off_nadir), corridor_m / cell, apparent,
     )  # fmt: skip
@@ -74,7 +74,7 @@ def nearest_surface(window: TerrainWindow, track: RadarTrack, corridor_m: float)
 
 
 @kernel
-def _fill_nearest(
+def fill_nearest(
     heights: Array, cell: float, poses: Array, axes: Array, cos_half: float, tan_max: float, reach: float, out: Array
 ) -> None:
     """poses : (K, 3) column, row [cells], up [m];  reach : corridor [cells];  out : apparent heights, NaN before"""

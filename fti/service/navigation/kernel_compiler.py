@@ -57,6 +57,10 @@ def _kernels(config: Config) -> list[Any]:
         from fti.nav.filter import kernels  # noqa: PLC0415
 
         needed.append(kernels.correct)
+    if config.nav.terrain_position:
+        from fti.nav.terrain_matching import nearest_surface  # noqa: PLC0415
+
+        needed.append(nearest_surface.fill_nearest)
     if config.nav.terrain and config.nav.altimeters:
         from fti.nav.altimetry import scalar_kernels  # noqa: PLC0415
 
