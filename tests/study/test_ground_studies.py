@@ -15,7 +15,7 @@ from fti.study import StudyResult, ground_watch, ppsan_aiding
 from fti.study.ground_flights import GroundCase, Satellites, fly
 from fti.study.ground_watch.experiment import GROUNDS, RAMPS, Alert, MapResult, WatchRun
 from fti.study.ground_watch.judge import judge as judge_watch
-from fti.study.ppsan_aiding.experiment import SCHEDULES, Pair, Track
+from fti.study.ppsan_aiding.experiment import OLD_MAP_SD_M, SCHEDULES, SURVEY_SD_M, Pair, Pairs, Track
 from fti.study.ppsan_aiding.judge import judge as judge_aiding
 
 T = np.arange(2.0, 250.0)
@@ -30,17 +30,21 @@ def not_held(results: list[StudyResult]) -> set[str]:
     return {result.id for result in results if not result.holds}
 
 
+def pairs(pair: Pair) -> Pairs:
+    return {(name, sd): pair for name in SCHEDULES for sd in (SURVEY_SD_M, OLD_MAP_SD_M)}
+
+
 def test_aiding_that_helps_holds_and_the_same_error_without_it_does_not() -> None:
-    helps = {name: Pair(track(1.0, 1.0), track(2.0, 1.0)) for name in SCHEDULES}
+    helps = pairs(Pair(track(1.0, 1.0), track(2.0, 1.0)))
     assert not_held(judge_aiding([helps] * 10)) == set()
-    same = {name: Pair(track(2.0, 2.0), track(2.0, 2.0)) for name in SCHEDULES}
+    same = pairs(Pair(track(2.0, 2.0), track(2.0, 2.0)))
     assert not_held(judge_aiding([same] * 10)) == {f"T16.{name}.{part}" for name in SCHEDULES for part in (80, 170)}
-    worse = {name: Pair(track(3.0, 3.0), track(2.0, 2.0)) for name in SCHEDULES}
+    worse = pairs(Pair(track(3.0, 3.0), track(2.0, 2.0)))
     assert {f"T16.{name}.30" for name in SCHEDULES} <= not_held(judge_aiding([worse] * 10))
 
 
 def test_a_sigma_that_is_too_small_does_not_hold() -> None:
-    small = {name: Pair(track(2.0, 0.3), track(4.0, 0.3)) for name in SCHEDULES}
+    small = pairs(Pair(track(2.0, 0.3), track(4.0, 0.3)))
     expected = {f"T16.{kind}.{name}" for kind in ("inside", "ratio") for name in SCHEDULES}
     assert not_held(judge_aiding([small] * 10)) == expected
 

@@ -17,8 +17,10 @@ DEGRADED = tuple(Satellites(*part, sds) for part, sds in zip(PARTS, ((4.0, 6.0),
 OUTAGES = tuple(Satellites(*part, None) for part in PARTS)
 #: One sigma of the displacement of the map for each axis, stated and drawn [m].
 MAP_SD_M = 1.0
+#: One sigma of the error of the elevation [m]: of a laser survey, and of an older map, which is flown so often.
+SURVEY_SD_M, OLD_MAP_SD_M, OLD_MAP_RUNS = 0.5, 1.5, 20
 #: Profiles of 10 s: three that agree are known 30 s after the alignment, as in the source.
-BASE = GroundCase(seconds=SECONDS, window_s=10.0, map_sd=MAP_SD_M, dem_error=DemError(noise_sd=1.5))
+BASE = GroundCase(seconds=SECONDS, window_s=10.0, map_sd=MAP_SD_M)
 SCHEDULES = {"degraded": DEGRADED, "outages": OUTAGES}
 #: From here on errors are compared with their sigma, and at these instants [s].
 COMPARED_FROM_S, INSTANTS_S = 35.0, tuple(np.linspace(40.0, 245.0, 10))
@@ -46,20 +48,28 @@ class Pair:
     without: Track
 
 
-def fly_schedule(name: str, seed: int, number: int, *, with_ground: bool) -> GroundRun:
-    """One flight of a schedule."""
+#: The pairs of one run by schedule and sigma of the elevation; none of the old map after ``OLD_MAP_RUNS`` runs.
+Pairs = dict[tuple[str, float], Pair]
+
+
+def fly_schedule(name: str, elevation_sd: float | None, seed: int, number: int) -> GroundRun:
+    """One flight of a schedule.  elevation_sd : one sigma of the error of the elevation [m]; None: no ground aids"""
+    if elevation_sd is None:
+        return fly(replace(BASE, satellites=SCHEDULES[name], window_s=None), seed, number)
     shift = MAP_SD_M * np.random.default_rng([seed, number, 1]).standard_normal(2)
-    case = replace(BASE, satellites=SCHEDULES[name], map_shift=(float(shift[0]), float(shift[1])))
-    return fly(case if with_ground else replace(case, window_s=None), seed, number)
+    map_shift, error = (float(shift[0]), float(shift[1])), DemError(noise_sd=elevation_sd)
+    return fly(replace(BASE, satellites=SCHEDULES[name], map_shift=map_shift, dem_error=error), seed, number)
 
 
-def run(task: tuple[int, int]) -> dict[str, Pair]:
-    """Flight ``number`` of a seed, by schedule."""
+def run(task: tuple[int, int]) -> Pairs:
+    """Flight ``number`` of a seed, with each schedule and elevation."""
     seed, number = task
-    return {
-        name: Pair(*(_track(fly_schedule(name, seed, number, with_ground=ground)) for ground in (True, False)))
-        for name in SCHEDULES
-    }
+    sds = (SURVEY_SD_M, OLD_MAP_SD_M) if number < OLD_MAP_RUNS else (SURVEY_SD_M,)
+    pairs = {}
+    for name in SCHEDULES:
+        without = _track(fly_schedule(name, None, seed, number))
+        pairs.update({(name, sd): Pair(_track(fly_schedule(name, sd, seed, number)), without) for sd in sds})
+    return pairs
 
 
 def _track(run_: GroundRun) -> Track:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fti.plot_style import BLACK, BLUE, VERMILION, add_legend, label_axes, new_figure
-from fti.study.ppsan_aiding.experiment import PARTS, fly_schedule
+from fti.study.ppsan_aiding.experiment import PARTS, SURVEY_SD_M, fly_schedule
 
 SIGMAS = 3.0
 
@@ -20,15 +20,15 @@ def errors(seed: int, name: str) -> Figure:
         height=6.0,
     )
     axes = figure.subplots(2, 1, sharex=True)
-    for with_ground, colour, text in ((False, BLACK, "satellites alone"), (True, BLUE, "with the ground")):
-        run = fly_schedule(name, seed, 0, with_ground=with_ground)
+    for elevation_sd, colour, text in ((None, BLACK, "satellites alone"), (SURVEY_SD_M, BLUE, "with the ground")):
+        run = fly_schedule(name, elevation_sd, seed, 0)
         t, error = np.array(run.t), np.array(run.error)
         sd = SIGMAS * run.sd
         for axis, ax in enumerate(axes):
             ax.plot(t, error[:, axis], color=colour, label=text)
             ax.plot(t, sd[:, axis], "--", color=colour, linewidth=0.8)
             ax.plot(t, -sd[:, axis], "--", color=colour, linewidth=0.8)
-            if with_ground:
+            if elevation_sd is not None:
                 fixes = [(fix.fix.t_valid_ns or 0, fix.error[axis]) for fix in run.fixes if fix.fix.valid]
                 ax.plot([t_ns / 1e9 for t_ns, _ in fixes], [e for _, e in fixes], "o", color=VERMILION, label="fixes")
     for ax, axis_name in zip(axes, ("north", "east"), strict=True):
