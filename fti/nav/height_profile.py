@@ -88,14 +88,20 @@ class ProfileSamples:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _SensorState:
-    """The altimeter at a time: origin (3,) [m], body frame to that of the terrain, sigma of the elevation [m].
-
-    The elevation is that of the measured point, of the first one of several beams; of a radar that straight below.
-    """
+    """The altimeter at a time: origin (3,) [m], body frame to that of the terrain."""
 
     t_ns: int
     origin: Array
     mat_lb: Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _PlacedRange:
+    """A range with the state of its time.  axis : along the beam (3,);  dem_sd : one sigma of the elevation [m]"""
+
+    state: _SensorState
+    measured: MeasuredRange
+    axis: Array
     dem_sd: float
 
 
@@ -110,7 +116,7 @@ class HeightProfile:
     ground: Ground
     period_ns: int = PERIOD_NS
     _states: list[_SensorState] = field(default_factory=list)
-    _ranges: list[tuple[_SensorState, MeasuredRange]] = field(default_factory=list)
+    _ranges: list[_PlacedRange] = field(default_factory=list)
     _last: Estimate | None = None
 
     def __len__(self) -> int:
@@ -152,18 +158,23 @@ class HeightProfile:
         frame, (lat, lon, alt) = self.ground.terrain.frame, estimate.geodetic
         mat = frame.mat_ln(lat, lon) @ np.array(mat_nb(attitude.roll, attitude.pitch, attitude.heading))
         origin = frame.to_local(lat, lon, alt) + mat @ self.mounting.lever_arm_b
-        is_point = self.mounting.half_beam == 0.0
-        east, north, _ = origin + measured.slant_range * (mat @ measured.direction_b) if is_point else origin
-        self._states.append(_SensorState(t_ns, origin, mat, self.ground.sd_at(float(east), float(north))))
-        self._ranges.append((self._states[-1], measured))
+        self._states.append(_SensorState(t_ns, origin, mat))
+        self._place(self._states[-1], measured)
         self._last = estimate
         return not has_jumped
 
     def add_beam(self, measured: MeasuredRange) -> None:
         """Add a further beam of the last time; a beam in the same direction is left out."""
-        state = self._states[-1]
-        if all(measured.direction_b != other.direction_b for of, other in self._ranges[-MAX_BEAMS:] if of is state):
-            self._ranges.append((state, measured))
+        state, last = self._states[-1], self._ranges[-MAX_BEAMS:]
+        if all(measured.direction_b != other.measured.direction_b for other in last if other.state is state):
+            self._place(state, measured)
+
+    def _place(self, state: _SensorState, measured: MeasuredRange) -> None:
+        """Add a range; the sigma of the elevation is that of the measured point, of a radar that straight below."""
+        axis = state.mat_lb @ measured.direction_b
+        is_point = self.mounting.half_beam == 0.0
+        east, north, _ = state.origin + measured.slant_range * axis if is_point else state.origin
+        self._ranges.append(_PlacedRange(state, measured, axis, self.ground.sd_at(float(east), float(north))))
 
     def is_due(self, t_ns: int) -> bool:
         """Whether a range of this time is far enough from the last one."""
@@ -182,15 +193,15 @@ class HeightProfile:
         """All ranges, in order of time."""
         rows = [
             (
-                state.t_ns,
-                state.origin,
-                state.mat_lb @ measured.direction_b,
-                measured.slant_range,
-                math.hypot(measured.sd, state.dem_sd),
-                measured.sd,
-                state.dem_sd,
+                each.state.t_ns,
+                each.state.origin,
+                each.axis,
+                each.measured.slant_range,
+                math.hypot(each.measured.sd, each.dem_sd),
+                each.measured.sd,
+                each.dem_sd,
             )
-            for state, measured in self._ranges
+            for each in self._ranges
         ]
         t_ns, *columns = map(np.array, zip(*rows, strict=True))
         return ProfileSamples(t_ns / SECOND_NS, *columns)

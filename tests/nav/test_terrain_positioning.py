@@ -197,6 +197,13 @@ class Steady(Wanderer):
         return Estimate(t_ns, y, np.eye(15), np.zeros(6), FilterModel())
 
 
+class InclinedGround(Ground):
+    """Its sigma grows to the east."""
+
+    def sd_at(self, east: float, north: float) -> float:
+        return 10.0 + 1e-3 * east
+
+
 class ProfileRecorder:
     """Keeps the samples of each profile."""
 
@@ -228,7 +235,7 @@ def test_frames_at_10_hz_become_samples_at_5_hz_with_all_beams_once() -> None:
     table, recorder = TerrainPositionTable(altimeter="laser", window_s=5.0), ProfileRecorder()
     aided = Steady(np.random.default_rng(1))
     position = TerrainPosition(table, {"laser": device}, aided, recorder)  # type: ignore[arg-type]
-    position.set_terrain(Ground(relief("hills", 0), 0.2, "hills"))
+    position.set_terrain(InclinedGround(relief("hills", 0), 0.2, "hills"))
     for k in range(300):
         if k % 5 == 0:
             feed_frame(position, k)
@@ -238,6 +245,9 @@ def test_frames_at_10_hz_become_samples_at_5_hz_with_all_beams_once() -> None:
     assert times.tolist() == pytest.approx([*np.arange(0.0, 1.9, 0.2), *np.arange(2.1, 5.2, 0.2)])
     assert counts.tolist() == [2] * 5 + [3] * (len(times) - 5)
     assert np.linalg.norm(samples.axes, axis=1) == pytest.approx(1.0)
+    points_east = samples.origins[:, 0] + 300.0 * samples.axes[:, 0]
+    assert samples.dem_sds == pytest.approx(10.0 + 1e-3 * points_east)
+    assert np.ptp(points_east[-3:]) == pytest.approx(2.0 * 300.0 * math.sin(math.radians(20.0)), rel=0.01)
 
 
 def hostile_input(
