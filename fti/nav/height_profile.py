@@ -24,7 +24,7 @@ from fti.geodesy.formulas import mat_nb, rotate
 from fti.messages.measurements import BeamRange
 from fti.messages.outputs import HeightAboveGround
 from fti.nav.altimetry.altimeter_channel import TERRAIN_REASONS
-from fti.nav.altimetry.compensation import Mounting
+from fti.nav.altimetry.compensation import Mounting, mounting_of
 from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.altimetry.validity import Sample, reasons_against
 from fti.nav.filter.estimate import Estimate
@@ -230,11 +230,13 @@ class HeightProfile:
         return profile, nearest_surface(window, track, corridor_m(window, lattice)), lattice
 
 
-def range_of_height(height: HeightAboveGround, mounting: Mounting) -> MeasuredRange | None:
+def range_of_height(height: HeightAboveGround, device: Device) -> MeasuredRange | None:
     """The range of an altimeter with one beam; None if it is not a range to the ground."""
     if height.raw is None or not TERRAIN_REASONS.issuperset(height.reasons):
         return None
-    return MeasuredRange(mounting.boresight_b, height.raw, stated_sd(height.nearest_sd, RANGE_SD_UNKNOWN))
+    assert device.altimeter is not None  # the configuration is checked for it
+    value = device.altimeter.corrected_range_m(height.raw)
+    return MeasuredRange(mounting_of(device).boresight_b, value, stated_sd(height.nearest_sd, RANGE_SD_UNKNOWN))
 
 
 def range_of_beam(beam: BeamRange, t_ns: int, device: Device, attitude: AttitudeState | None) -> MeasuredRange | None:

@@ -101,7 +101,6 @@ class TerrainPosition:
     ) -> None:
         self._settings, self._aided, self._observer = settings, aided, observer
         self._device = devices[settings.altimeter]
-        self._mounting = mounting_of(self._device)
         assert self._device.altimeter is not None
         self._method_name = name_in_flight(self._device.altimeter)
         self._method = METHODS[self._method_name].make(self._device.altimeter)
@@ -127,7 +126,10 @@ class TerrainPosition:
         if ground and self._device.altimeter:
             ground = ground.sensed_by(self._device.altimeter.kind)
         period_ns = BEAM_PERIOD_NS if self._method_name == BEAMS else PERIOD_NS
-        self._profile, self._mark = HeightProfile(self._mounting, ground, period_ns) if ground else None, None
+        self._profile, self._mark = (
+            HeightProfile(mounting_of(self._device), ground, period_ns) if ground else None,
+            None,
+        )
 
     def accepts(self, device: str, kind: type[Measurement]) -> bool:
         """Whether measurements of a kind of a device are beams of the profile."""
@@ -150,7 +152,7 @@ class TerrainPosition:
         """Take an output of the altimeter that does not aid the altitude of the filter."""
         if self._profile is None or height.sensor != self._settings.altimeter or height.t_valid_ns is None:
             return
-        self._add(self._profile, height.t_valid_ns, range_of_height(height, self._mounting), nav)
+        self._add(self._profile, height.t_valid_ns, range_of_height(height, self._device), nav)
 
     def tick(self, t_ns: int) -> list[TerrainFix | Event]:
         """Mark the middle of a profile, match it at its end, repeat the last fix; events."""

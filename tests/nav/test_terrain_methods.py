@@ -42,9 +42,11 @@ SAMPLES, SPEED_MPS, CLEARANCE_M, MAX_BANK = 75, 60.0, 150.0, math.radians(15.0)
 #: True minus navigated position, east and north [m].
 SHIFT = np.array([-40.0, 25.0])
 BEAMS = beams_across(5)
+#: Of the altimeters with one beam.
+BIAS_M, SCALE = 3.0, 1.1
 ALTIMETERS = {
-    "laser": Altimeter(kind="laser", range_m=(1.0, 3000.0)),
-    "radar": Altimeter(kind="radar", range_m=(1.0, 1500.0), beam_deg=40.0, model="beam"),
+    "laser": Altimeter(kind="laser", range_m=(1.0, 3000.0), bias_m=BIAS_M, scale=SCALE),
+    "radar": Altimeter(kind="radar", range_m=(1.0, 1500.0), beam_deg=40.0, model="beam", bias_m=BIAS_M, scale=SCALE),
     "multibeam": Altimeter(kind="multibeam", range_m=(1.0, 3000.0), sd_m=0.3),
 }
 
@@ -76,8 +78,8 @@ def task(kind: str, ground: Terrain, known: Terrain) -> MatchTask:
         t_ns = round(t[k] * 1e9)
         y = np.concatenate((ecef_from_geodetic(lat[k], lon[k], alt[k]), vel_e, [1.0, 0.0, 0.0, 0.0], np.zeros(6)))
         height = HeightAboveGround(
-            t_ns=t_ns, t_valid_ns=t_ns, sensor="a", raw=value, height_agl=value, sd=sd, valid=True, reasons=(),
-            nearest=value, nearest_sd=sd,
+            t_ns=t_ns, t_valid_ns=t_ns, sensor="a", raw=SCALE * value + BIAS_M, height_agl=value, sd=sd, valid=True,
+            reasons=(), nearest=value, nearest_sd=sd,
         )  # fmt: skip
         estimate = Estimate(t_ns, y, np.eye(15), np.zeros(6), FilterModel())
         attitude = AttitudeState(float(rolls[k]), 0.0, heading, 0.001, 0.001)
@@ -88,7 +90,7 @@ def task(kind: str, ground: Terrain, known: Terrain) -> MatchTask:
                 for beam, each in zip(beams, (value, *others), strict=True)
             )
         else:
-            first, rest = range_of_height(height, mounting_of(device)), []
+            first, rest = range_of_height(height, device), []
         assert first is not None
         heights.add(t_ns, first, estimate, attitude)
         for each in rest:
