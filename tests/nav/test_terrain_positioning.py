@@ -30,6 +30,7 @@ from fti.nav.terrain_reference import Ground
 from fti.ranging.multibeam import beams_across
 from fti.study.ground_flights import LAT, LON, FixResult, GroundCase, GroundRun, Satellites, fly, relief
 from fti.study.long_endurance.beams import BeamPosition
+from fti.study.ppsan_aiding.experiment import SURVEY_SD_M, fly_schedule
 from fti.terrain.dem_error import DemError
 
 SEED, NUMBER = 3, 4
@@ -123,6 +124,15 @@ def test_a_ramp_of_the_satellites_is_announced_by_the_ground(speed_mps: float) -
 def test_without_ramp_nothing_is_announced(outage: GroundRun) -> None:
     assert [event.text for _, event in outage.events if event.level == "warning"] == []
     assert not any(math.isnan(error) for each in outage.fixes for error in each.error)
+
+
+def test_satellites_that_return_do_not_bend_a_profile() -> None:
+    """They correct the position by 4 m at 100 s: a profile across that gave a fix of 5 sigma, which refused them."""
+    flown = fly_schedule("outages", SURVEY_SD_M, 16, 6)
+    marks = np.array([(each.fix.t_valid_ns or 0) / 1e9 for each in flown.fixes])
+    assert len(marks) > 18
+    assert np.abs(marks - 100.0).min() > 5.0
+    assert [event.text for _, event in flown.events if event.level == "warning"] == []
 
 
 #: Flights over three grounds, whose known elevation has errors, without satellites after 40 s.

@@ -49,6 +49,12 @@ def test_a_sigma_that_is_too_small_does_not_hold() -> None:
     assert not_held(judge_aiding([small] * 10)) == expected
 
 
+def test_a_sound_source_that_is_refused_does_not_hold() -> None:
+    refused = pairs(Pair(replace(track(1.0, 1.0), refusals=1), track(2.0, 1.0)))
+    good = pairs(Pair(track(1.0, 1.0), track(2.0, 1.0)))
+    assert not_held(judge_aiding([good] * 9 + [refused])) == {f"T16.refused.{name}" for name in SCHEDULES}
+
+
 def watch() -> WatchRun:
     """All cases as they should be."""
     soon = Alert(20.0, 10.0, 0, 3.0)

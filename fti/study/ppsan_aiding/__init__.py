@@ -9,6 +9,7 @@ each axis), as it states.
 
     T16.inside.*    errors of both axes within 3 sigma from 35 s on, pooled: >= 99 %
     T16.ratio.*     RMS of error over sigma at ten instants: <= 1.25; below 1 where the sigma is larger than the error
+    T16.refused.*   satellites or ground that are refused, though all sources are sound: none
     T16.*.80, .170  RMS in the outage, or degradation, of 80-100 s and 170-200 s: smaller with the ground, paired by run
                     (sign test, p < 0.01)
     T16.*.30        the same of 30-40 s, while fixes begin: not larger by more than 5 %, pooled over runs

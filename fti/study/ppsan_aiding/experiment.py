@@ -28,11 +28,15 @@ COMPARED_FROM_S, INSTANTS_S = 35.0, tuple(np.linspace(40.0, 245.0, 10))
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Of the filter, every second: time (n,) [s], error over sigma north and east (n, 2), distance (n,) [m]."""
+    """Of the filter, every second: time (n,) [s], error over sigma north and east (n, 2), distance (n,) [m].
+
+    refusals : number of times at which a source that is sound was refused
+    """
 
     t: Array
     ratio: Array
     distance: Array
+    refusals: int = 0
 
     def rms(self, part: tuple[float, float]) -> float:
         """RMS of the horizontal error in a part of the flight [m]."""
@@ -74,4 +78,5 @@ def run(task: tuple[int, int]) -> Pairs:
 
 def _track(run_: GroundRun) -> Track:
     error = np.array(run_.error)
-    return Track(np.array(run_.t), error / run_.sd, np.hypot(*error.T))
+    refusals = sum(event.level == "warning" for _, event in run_.events)
+    return Track(np.array(run_.t), error / run_.sd, np.hypot(*error.T), refusals)

@@ -40,6 +40,9 @@ def _judge_schedule(name: str, pairs: Sequence[Pair]) -> Iterator[StudyResult]:
     yield StudyResult.at_most(
         f"T16.ratio.{name}", f"{name}: RMS of error over sigma", rms(np.array(at_instants)), MAX_RATIO
     )
+    yield StudyResult.at_most(
+        f"T16.refused.{name}", f"{name}: sound sources that are refused", sum(p.with_ground.refusals for p in pairs), 0
+    )
     for part in PARTS:
         with_ground, without = _errors(pairs, part)
         words = f"{name}, {part[0]:g}-{part[1]:g} s"
