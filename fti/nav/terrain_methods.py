@@ -250,11 +250,14 @@ def methods_for(altimeter: Altimeter) -> dict[str, TerrainMethod]:
 
 
 def warm_up() -> None:
-    """Compile the kernels of the methods in flight, for a window that is a view of posts and for one that is not."""
+    """Compile the kernels of profiles and methods in flight; a window is a view of posts, or it is not."""
     still = np.zeros(MIN_SAMPLES)
     profile = Profile(np.arange(float(MIN_SAMPLES)), still, still, still, still + 1.0, 1.0)
     track = RadarTrack(np.array([[0.0, 0.0, 10.0]]), np.array([[0.0, 0.0, -1.0]]), 0.3)
     posts = np.zeros((12, 12))
+    ground = Terrain.from_array(posts, 1.0)
+    ground.gradient(5.0, 5.0)  # slopes below several beams
+    ground.source(5.0, 5.0)  # sigma of a sample; it looks up heights, as a far search does
     for heights in (posts, posts[:, 1:]):
         window = TerrainWindow(heights, 1.0, -5.0, -5.0)
         match(window, profile, Lattice(2))

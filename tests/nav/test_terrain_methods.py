@@ -155,9 +155,10 @@ from fti.nav.terrain_matching.likelihood import _gram_of
 from fti.nav.terrain_matching.nearest_surface import fill_nearest
 from fti.nav.terrain_matching.search import _lattice_sums
 from fti.nav.terrain_methods import METHODS, name_in_flight, warm_up
+from fti.terrain.surface import look_up, nearest_posts, slopes
 from tests.nav.test_terrain_methods import ALTIMETERS, relief, task
 
-kernels = (_lattice_sums, _gram_of, fill_nearest)
+kernels = (_lattice_sums, _gram_of, fill_nearest, look_up, nearest_posts, slopes)
 warm_up()
 compiled = [len(kernel.signatures) for kernel in kernels]
 ground = relief("hills", 0)
