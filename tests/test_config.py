@@ -176,10 +176,25 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (
             changed(
                 'vertical = "egm96"',
-                'vertical = "egm96", land_cover = "c.tif", cover = [{ classes = [10, 20], altimeter = "laser" }, '
-                '{ classes = [20], altimeter = "laser" }]',
+                'vertical = "egm96", land_cover = "c.tif", cover = [{ classes = [10, 20], altimeter = "laser", '
+                'sd_m = 1 }, { classes = [20], altimeter = "laser", excluded = true }]',
             ),
-            ["nav.terrain.cover", "class 20 of a laser is in two tables"],
+            ["nav.terrain.cover", "class 20 of a laser is named twice"],
+        ),
+        (
+            changed(
+                'vertical = "egm96"',
+                'vertical = "egm96", land_cover = "c.tif", cover = [{ classes = [10], altimeter = "laser" }]',
+            ),
+            ["nav.terrain.cover[0]: needs bias_m, sd_m or excluded"],
+        ),
+        (
+            changed(
+                'vertical = "egm96"',
+                'vertical = "egm96", land_cover = "c.tif", cover = [{ classes = [10], altimeter = "laser", '
+                "sd_m = 1, excluded = true }]",
+            ),
+            ["nav.terrain.cover[0].excluded: not allowed with sd_m"],
         ),
         (GOOD + '[nav.filter]\nimu = "imu"', ["nav.filter.imu", "'imu'", "radar, ins"]),
         (GOOD + '[nav.filter]\nimu = "ins"\naltimeters = ["ins"]', ["nav.filter.altimeters", "'ins'", "radar"]),
@@ -207,6 +222,12 @@ def test_error_names_file_key_value_and_what_is_allowed(text: str, expected: lis
     for part in expected:
         assert part in text
     assert "\n" not in text
+
+
+def test_a_wrong_entry_of_a_list_is_one_mistake() -> None:
+    table = '{ classes = [300], altimeter = "laser", sd_m = 1 }'
+    text = message(changed('vertical = "egm96"', f'vertical = "egm96", land_cover = "c.tif", cover = [{table}]'))
+    assert "nav.terrain.cover[0].classes[0] = 300" in text and "at least" not in text
 
 
 def test_reserved_device_names_are_those_of_the_fallbacks() -> None:

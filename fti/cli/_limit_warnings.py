@@ -42,6 +42,7 @@ def limit_warnings(config: Config, layers: Sequence[Mapping[str, Any]]) -> Itera
             yield from _unused_beams(config, key, device.name)
         elif config.nav.altimeters:
             yield f"{key}: is not used: {device.name} is not in nav.altimeters; add it, or remove the table"
+    yield from _unused_land_cover(config)
     yield from _unused_aiding(config)
 
 
@@ -49,6 +50,18 @@ def _unused_beams(config: Config, key: str, name: str) -> Iterator[str]:
     ground = config.nav.terrain_position
     if ground is None or ground.altimeter != name:
         yield f"{key}: is not used: [nav.terrain_position] does not name {name}; name it, or remove the table"
+
+
+def _unused_land_cover(config: Config) -> Iterator[str]:
+    """Tables of land cover for another kind of altimeter than that of the position from the ground."""
+    ground = config.nav.terrain_position
+    device = config.find_device(ground.altimeter) if ground else None
+    kind = device.altimeter.kind if device and device.altimeter else None
+    for i, table in enumerate(config.nav.terrain.cover if config.nav.terrain else ()):
+        if table.altimeter != kind:
+            uses = f"uses a {kind} altimeter" if kind else "is not configured"
+            key = f"nav.terrain.cover[{i}].altimeter = {table.altimeter!r}"
+            yield f"{key}: is not used: [nav.terrain_position] {uses}; change it, or remove the table"
 
 
 def _flight_limits(config: Config) -> Iterator[str]:

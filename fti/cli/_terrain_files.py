@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fti.config import Config, TerrainFiles
 from fti.errors import ConfigError, MissingError
+
+if TYPE_CHECKING:
+    from fti.terrain.file_info import ElevationFileInfo
 
 
 def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
@@ -76,7 +79,6 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
         check_paths(settings, files)
     except ConfigError as error:
         raise ConfigError(f"{config.path}: {error}") from None
-    _check_land_cover(config, settings)
     try:
         catalogue = read_catalogue(files, stated_datums(settings, files))
         if settings.square_mb is not None:
@@ -91,6 +93,7 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
         )
     except ConfigError as error:
         raise ConfigError(f"{config.path}: nav.terrain: {error}") from None
+    _check_land_cover(config, settings, catalogue.files)
     stated = {source.path: with_stated(settings, source).sd_m or settings.sd_m for source in catalogue.files}
     for layer in layers:
         sd_m = max(stated[files[number]] for number in layer.files)
@@ -105,13 +108,13 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
         }
 
 
-def _check_land_cover(config: Config, settings: TerrainFiles) -> None:
+def _check_land_cover(config: Config, settings: TerrainFiles, files: Sequence[ElevationFileInfo]) -> None:
     from fti.terrain.files.land_cover import check_land_cover
 
     if settings.land_cover is None:
         return
     try:
-        check_land_cover(settings.land_cover)
+        check_land_cover(settings.land_cover, files)
     except (ConfigError, MissingError) as error:
         raise type(error)(f"{config.path}: nav.terrain.land_cover = {error}") from None
 

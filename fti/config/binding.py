@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from fti.config.tables import ENDPOINT_PATTERN, NAME_PATTERN, StrictModel
+from fti.config.tables import DATE_PATTERN, ENDPOINT_PATTERN, NAME_PATTERN, StrictModel
 from fti.errors import ConfigError, did_you_mean, similar_name
 
 Model = TypeVar("Model", bound=StrictModel)
@@ -18,6 +18,7 @@ Model = TypeVar("Model", bound=StrictModel)
 PATTERNS = {
     NAME_PATTERN: "must be lower-case letters, digits and _, a letter first",
     ENDPOINT_PATTERN: "must be ADDRESS:PORT, such as '192.168.10.1:4000'",
+    DATE_PATTERN: "must be YYYY, YYYY-MM or YYYY-MM-DD",
 }
 #: The command that describes the kinds of a table, by the name of the table.
 COMMAND_OF_KINDS = {"fault": "fti hil --faults"}
@@ -44,6 +45,8 @@ def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: s
     misspelt = _misspelt_keys(error, model)
     for item in error.errors():
         where = _key_path(key, item["loc"], model)
+        if item["type"] == "too_short" and _has_wrong_entry(error, item["loc"]):
+            continue  # the validator counts the right entries only
         if item["type"] == "extra_forbidden":
             known = sorted(_known_keys(model, item["loc"][:-1]))
             hint = did_you_mean(str(item["loc"][-1]), known)
@@ -58,6 +61,11 @@ def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: s
         else:
             message = PATTERNS.get(item.get("ctx", {}).get("pattern", "")) or item["msg"][0].lower() + item["msg"][1:]
             yield f"{file}: {where} = {_format_value(item['input'])}: {message}"
+
+
+def _has_wrong_entry(error: ValidationError, loc: tuple[int | str, ...]) -> bool:
+    """Whether there is an error of an entry of the list at a place."""
+    return any(len(item["loc"]) > len(loc) and item["loc"][: len(loc)] == loc for item in error.errors())
 
 
 def _misspelt_keys(error: ValidationError, model: type[BaseModel]) -> set[tuple[int | str, ...]]:

@@ -177,18 +177,28 @@ def _check_terrain(terrain: TerrainFiles | None, file: str) -> None:
         raise ConfigError(f"{file}: nav.terrain: needs only one of memory_mb and centre_deg with radius_m")
     if terrain.scene and (extra := [key for key in FILE_KEYS if getattr(terrain, key) not in (None, ())]):
         raise ConfigError(f"{file}: nav.terrain.{extra[0]}: not allowed with scene, only with files")
+    _check_land_cover(terrain, file)
+    for i, table in enumerate(terrain.file):
+        if table.vertical is None and table.sd_m is None and table.date is None:
+            raise ConfigError(f"{file}: nav.terrain.file[{i}]: needs at least one of vertical, sd_m and date")
+
+
+def _check_land_cover(terrain: TerrainFiles, file: str) -> None:
     if (terrain.land_cover is None) != (not terrain.cover):
         missing = "cover" if terrain.land_cover else "land_cover"
         raise ConfigError(
             f"{file}: nav.terrain.{missing}: missing; land_cover and [[nav.terrain.cover]] need each other"
         )
+    for i, cover in enumerate(terrain.cover):
+        surface = {"bias_m", "sd_m"} & cover.model_fields_set
+        if not surface and not cover.excluded:
+            raise ConfigError(f"{file}: nav.terrain.cover[{i}]: needs bias_m, sd_m or excluded = true")
+        if surface and cover.excluded:
+            raise ConfigError(f"{file}: nav.terrain.cover[{i}].excluded: not allowed with {min(surface)}")
     pairs = [(table.altimeter, number) for table in terrain.cover for number in table.classes]
     if twice := [pair for k, pair in enumerate(pairs) if pair in pairs[:k]]:
         kind, number = twice[0]
-        raise ConfigError(f"{file}: nav.terrain.cover: class {number} of a {kind} is in two tables")
-    for i, table in enumerate(terrain.file):
-        if table.vertical is None and table.sd_m is None and table.date is None:
-            raise ConfigError(f"{file}: nav.terrain.file[{i}]: needs at least one of vertical, sd_m and date")
+        raise ConfigError(f"{file}: nav.terrain.cover: class {number} of a {kind} is named twice")
 
 
 def _check_unique(names: list[str], file: str, kind: str) -> None:

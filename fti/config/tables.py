@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
@@ -11,6 +12,7 @@ from pydantic.json_schema import SkipJsonSchema
 from fti.config.keys import NO_UNIT, ONE, key
 
 NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
+DATE_PATTERN = r"^\d{4}(-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?)?$"
 Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 #: Upper limit far above every sensible value; larger values would lead to infinities.
 Positive = Annotated[float, Field(gt=0, le=1e12)]
@@ -404,9 +406,14 @@ class TerrainFileTable(StrictModel):
         key("1-sigma of the heights; none: as the file states it (DTED), otherwise nav.terrain.sd_m", "m", 0.3),
     ] = None
     date: Annotated[
-        Annotated[str, Field(pattern=r"^\d{4}(-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?)?$")] | None,
+        Annotated[str, Field(pattern=DATE_PATTERN)] | None,
         key("date of the survey: year, year-month or year-month-day; none: as in the file", NO_UNIT, "2019-05"),
     ] = None
+
+    @field_validator("date", mode="before")
+    @classmethod
+    def _date_as_text(cls, value: object) -> object:
+        return value.isoformat() if isinstance(value, datetime.date) else value
 
 
 class LandCoverTable(StrictModel):
@@ -427,11 +434,11 @@ class LandCoverTable(StrictModel):
     ]
     bias_m: Annotated[
         Annotated[float, Field(ge=-10, le=100)],
-        key("height of the measured surface above the elevation, on average", "m"),
+        key("height of the measured surface above the elevation, on average", "m", 17.0),
     ] = 0.0
     sd_m: Annotated[
         Annotated[float, Field(ge=0, le=100)],
-        key("1-sigma of that height, in addition to that of the elevation", "m"),
+        key("1-sigma of that height, in addition to that of the elevation", "m", 5.0),
     ] = 0.0
     excluded: Annotated[bool, key("the ground below it is unknown: no sample there is used", NO_UNIT)] = False
 

@@ -12,6 +12,7 @@ import pytest
 
 from fti import config
 from fti.cli import _receive_buffer
+from fti.cli._limit_warnings import limit_warnings
 from fti.cli.check import worst_load
 from fti.cli.main import main
 from fti.links.sockets import RECEIVE_BUFFER
@@ -269,7 +270,7 @@ sd_m = 2.0
 
 [[nav.terrain.file]]
 path = "tiles/new*"
-date = "2019-05"
+date = 2019-05-01
 
 [[nav.terrain.file]]
 path = "tiles"
@@ -291,17 +292,17 @@ def test_datum_date_and_sigma_of_files_are_those_of_the_configuration(
     first, second = "nav.terrain.file[0]", "nav.terrain.file[1]"
     assert properties == [
         (None, None, 2.0, "nav.terrain.sd_m"),
-        ("2019-05", first, 4.0, second),
+        ("2019-05-01", first, 4.0, second),
         ("2000-02", second, 4.0, second),
     ]
     assert [layer["sd_m"] for layer in described["terrain_layers"]] == [4.0]
     assert main(["check", str(file)]) == 0
     output = capsys.readouterr().out
-    assert f"date 2019-05 (from {first})" in output and f"sigma 4 m (from {second})" in output
+    assert f"date 2019-05-01 (from {first})" in output and f"sigma 4 m (from {second})" in output
     for old, new, text in (
         ('path = "tiles"', 'path = "tile"', "nav.terrain.file[1].path = '"),
-        ('date = "2000-02"', 'date = "02/2000"', "nav.terrain.file[1].date = '02/2000'"),
-        ('date = "2019-05"', "", "nav.terrain.file[0]: needs at least one of vertical, sd_m and date"),
+        ('date = "2000-02"', 'date = "02/2000"', "nav.terrain.file[1].date = '02/2000': must be YYYY, YYYY-MM or"),
+        ("date = 2019-05-01", "", "nav.terrain.file[0]: needs at least one of vertical, sd_m and date"),
     ):
         file.write_text(BENCH + STATED.replace(old, new))
         assert main(["check", str(file)]) == 2
@@ -605,6 +606,31 @@ def test_the_filter_and_the_position_from_the_ground_are_listed(capsys: pytest.C
 def test_a_multi_beam_altimeter_is_listed_with_the_position_from_the_ground(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(ROOT / "configs" / "terrain_position_beams.toml")]) == 0
     assert "ground      profiles of altimeter with all beams, 15 s each, aid the filter" in capsys.readouterr().out
+
+
+LAND_COVER = """
+[nav.terrain]
+files = ["dem.tif"]
+vertical = "ellipsoid"
+land_cover = "cover.tif"
+cover = [{ classes = [10], altimeter = "laser", sd_m = 5.0 }, { classes = [10], altimeter = "multibeam", sd_m = 5.0 }]
+"""
+
+
+def test_land_cover_of_another_altimeter_and_unused_beams_are_warnings(tmp_path: Path) -> None:
+    text = (ROOT / "configs" / "terrain_position_beams.toml").read_text().replace("terrain = {", "# {") + LAND_COVER
+    file, (before, table, after) = tmp_path / "beams.toml", text.partition("[nav.terrain_position]")
+    file.write_text(text)
+    used = list(limit_warnings(config.load(file), ()))
+    file.write_text(before + after[after.index("\n[") :])
+    unused = list(limit_warnings(config.load(file), ()))
+    assert table
+    assert [each for each in used if "cover" in each] == [
+        "nav.terrain.cover[0].altimeter = 'laser': is not used: [nav.terrain_position] uses a multibeam altimeter; "
+        "change it, or remove the table"
+    ]
+    assert len([each for each in unused if "cover" in each and "is not configured" in each]) == 2
+    assert any(each.startswith("device[0].altimeter: is not used: [nav.terrain_position]") for each in unused)
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ class ElevationFile:
             self.source = self._describe(path, datum, by)
         except READ_ERRORS as error:
             self.close()
-            raise ConfigError(f"{path}: cannot be used as an elevation file: {_reason(error)}") from None
+            raise ConfigError(f"{path}: cannot be used as an elevation file: {reason_text(error)}") from None
         except BaseException:
             self.close()
             raise
@@ -172,7 +172,7 @@ class ElevationFile:
         try:
             masked = self._dataset.read(1, window=window, masked=True)
         except (*READ_ERRORS, MemoryError) as error:
-            raise ConfigError(f"{self.source.path}: cannot be read: {_reason(error)}") from None
+            raise ConfigError(f"{self.source.path}: cannot be read: {reason_text(error)}") from None
         raw = masked.astype(np.float64).filled(np.nan)
         raw[raw == VOID] = np.nan
         for block in self._unwritten_blocks(rows, columns):
@@ -222,8 +222,8 @@ def nearest_turn(x: ArrayLike, turn: float) -> Array:
     return np.asarray(np.remainder(np.asarray(x) + turn / 2, turn) - turn / 2)
 
 
-def open_raster(path: str, local_only: bool) -> Any:
-    """Open a file with GDAL.  Raises MissingError or ConfigError."""
+def open_raster(path: str, local_only: bool, content: str = "an elevation file") -> Any:
+    """Open a file with GDAL.  content : what it must be.  Raises MissingError or ConfigError."""
     if local_only:
         return _open_without_warnings(open_local, path)
     if not path.startswith("/vsi") and not Path(path).exists():
@@ -231,10 +231,10 @@ def open_raster(path: str, local_only: bool) -> Any:
     try:
         return _open_without_warnings(rasterio.open, path)
     except READ_ERRORS as error:
-        raise ConfigError(f"{path}: is not an elevation file that GDAL can read: {_reason(error)}") from None
+        raise ConfigError(f"{path}: is not {content} that GDAL can read: {reason_text(error)}") from None
 
 
-def _reason(error: Exception) -> str:
+def reason_text(error: Exception) -> str:
     """The message of a library error, as one line."""
     return " ".join(str(error.__cause__ or error).split())[:300] or type(error).__name__
 

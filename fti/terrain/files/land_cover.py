@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from rasterio.windows import Window
 from fti.arrays import Array, Codes
 from fti.errors import ConfigError
 from fti.geodesy.local import LocalFrame
-from fti.terrain.files.elevation_file import READ_ERRORS, WGS84, open_raster
+from fti.terrain.file_info import ElevationFileInfo
+from fti.terrain.files.elevation_file import READ_ERRORS, WGS84, open_raster, reason_text
 from fti.terrain.files.local_only import local_environment
 from fti.terrain.layer import Layer
 from fti.terrain.terrain import Terrain
@@ -28,20 +30,26 @@ def read_land_cover(path: str, terrain: Terrain, *, local_only: bool = False) ->
 
     Raises MissingError for a missing file, ConfigError for one that is no raster of classes.
     """
-    with local_environment() if local_only else contextlib.nullcontext():
-        dataset = open_raster(path, local_only)
-        with contextlib.closing(dataset):
-            try:
-                to_raster = _transformer(path, dataset)
-                return tuple(_of_layer(dataset, to_raster, layer, terrain.frame) for layer in terrain.layers)
-            except READ_ERRORS as error:
-                raise ConfigError(f"{path}: cannot be read as land cover: {error}") from None
+    environment = local_environment() if local_only else contextlib.nullcontext()
+    with environment, _open(path, local_only) as (dataset, to_raster):
+        return tuple(_of_layer(dataset, to_raster, layer, terrain.frame) for layer in terrain.layers)
 
 
-def check_land_cover(path: str) -> None:
-    """Raises as ``read_land_cover``, without reading the classes."""
-    with contextlib.closing(open_raster(path, False)) as dataset:
-        _transformer(path, dataset)
+def check_land_cover(path: str, files: Sequence[ElevationFileInfo]) -> None:
+    """Raises as ``read_land_cover``, without reading the classes, and where it overlaps none of the elevation files."""
+    with _open(path, False) as (dataset, to_raster):
+        if not any(_overlaps(dataset, to_raster, file) for file in files):
+            raise ConfigError(f"{path}: overlaps none of the elevation files")
+
+
+@contextlib.contextmanager
+def _open(path: str, local_only: bool) -> Iterator[tuple[Any, pyproj.Transformer]]:
+    """The raster and the step from WGS84 to its coordinates; errors of reading become ConfigError."""
+    with contextlib.closing(open_raster(path, local_only, "land cover")) as dataset:
+        try:
+            yield dataset, _transformer(path, dataset)
+        except READ_ERRORS as error:
+            raise ConfigError(f"{path}: cannot be read as land cover: {reason_text(error)}") from None
 
 
 def _transformer(path: str, dataset: Any) -> pyproj.Transformer:
@@ -50,6 +58,15 @@ def _transformer(path: str, dataset: Any) -> pyproj.Transformer:
     if dataset.crs is None or dataset.transform.is_identity:
         raise ConfigError(f"{path}: has no coordinate system: its position on Earth is unknown")
     return pyproj.Transformer.from_crs(WGS84, pyproj.CRS.from_wkt(dataset.crs.to_wkt()), always_xy=True)
+
+
+def _overlaps(dataset: Any, to_raster: pyproj.Transformer, file: ElevationFileInfo) -> bool:
+    """Whether the boxes around raster and file touch; west is above east across the antimeridian."""
+    sides = np.degrees((file.west, file.south, file.east, file.north)).tolist()
+    west, south, east, north = to_raster.transform_bounds(*sides)
+    box = dataset.bounds
+    low, high = sorted((box.bottom, box.top))
+    return bool(south <= high and north >= low and (west > east or (west <= box.right and east >= box.left)))
 
 
 def _of_layer(dataset: Any, to_raster: pyproj.Transformer, layer: Layer, frame: LocalFrame) -> Codes:
