@@ -25,9 +25,9 @@ With the angles a along and c across, the beam has the direction (tan a, tan c, 
 right, z down.
 
 Each beam becomes a ``BeamRange`` named ``beam_1`` to ``beam_n`` in the order of the frame; all of a frame have the same
-stamp.  A ``DeviceStatus`` follows, which is ok without a status bit.  An angle outside of its range makes a beam
-invalid; a time beyond 292 years is not used.  Missing sequence numbers are counted as lost; a lower number is a restart
-of the altimeter.
+stamp.  A ``DeviceStatus`` follows, which is ok without a status bit.  Self-test, failure and a transmitter that is off
+make all beams of the frame invalid, an angle outside of its range one beam; a time beyond 292 years is not used.
+Missing sequence numbers are counted as lost; a lower number is a restart of the altimeter.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ MIN_FRAME, MAX_FRAME = HEADER.size + CRC_SIZE, HEADER.size + CRC_SIZE + MAX_BEAM
 VALID, NO_RETURN = 0, 1
 #: Flags of the status bits, from bit 0.
 FLAGS = ("self_test", "temperature", "transmitter_off", "failure")
+INVALIDATING = frozenset({"self_test", "transmitter_off", "failure"})
 ANGLE_LSB, MAX_ANGLE = 0.01 * DEGREE, 9000
 RANGE_LSB_M, MAX_RANGE = 1e-3, 2**32 - 1
 #: A later time does not fit into 64 bits of nanoseconds.
@@ -126,8 +127,11 @@ class Decoder(FramedDecoder):
         stamp = Stamp(t_rx_ns)
         if header.time_us <= MAX_TIME_US:
             stamp = Stamp(t_rx_ns, 1000 * header.time_us, TimeScale.BOOT)
-        beams = (_beam_range(stamp, f"beam_{k}", *fields) for k, fields in enumerate(BEAM.iter_unpack(body), 1))
         flags = tuple(name for bit, name in enumerate(FLAGS) if header.status >> bit & 1)
+        is_measuring = INVALIDATING.isdisjoint(flags)
+        beams = (
+            _beam_range(stamp, f"beam_{k}", is_measuring, *fields) for k, fields in enumerate(BEAM.iter_unpack(body), 1)
+        )
         return "ranges", [*beams, DeviceStatus(stamp=stamp, ok=header.status == 0, flags=flags)]
 
     def _count_missing(self, sequence: int) -> None:
@@ -136,9 +140,9 @@ class Decoder(FramedDecoder):
         self._next = sequence + 1
 
 
-def _beam_range(stamp: Stamp, beam: str, *fields: int) -> BeamRange:
+def _beam_range(stamp: Stamp, beam: str, is_measuring: bool, *fields: int) -> BeamRange:
     along, across, millimetres, state, _ = fields
-    valid = state == VALID and max(abs(along), abs(across)) < MAX_ANGLE
+    valid = is_measuring and state == VALID and max(abs(along), abs(across)) < MAX_ANGLE
     return BeamRange(
         stamp=stamp,
         beam=beam,

@@ -52,6 +52,14 @@ def test_the_emulated_altimeter_counts_its_frames_and_sends_none_without_beams()
     assert (first[8:12], second[8:12]) == (bytes(4), b"\1\0\0\0")
 
 
+def test_an_altimeter_that_does_not_measure_has_no_valid_beam() -> None:
+    expected = {"self_test": False, "temperature": True, "transmitter_off": False, "failure": False}
+    for flag, valid in expected.items():
+        (frame,) = send(*beams(2), status(flag, ok=False))
+        ranges = [m for m in make_decoder(Options()).feed(frame, 1) if isinstance(m, BeamRange)]
+        assert [(m.valid, m.slant_range) for m in ranges] == [(valid, 12.5 if valid else None)] * 2
+
+
 def test_a_failure_without_a_status_bit_of_its_own_is_a_failure() -> None:
     (frame,) = send(*beams(1), status("unknown", ok=False))
     assert frame[20] == 1 << FLAGS.index("failure")
