@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
 from fti.arrays import Array, Codes
 from fti.config import LandCoverTable
@@ -44,16 +45,10 @@ def _sensed(ground: Ground, classes: Sequence[Codes], tables: Sequence[LandCover
     return replace(
         ground,
         terrain=replace(terrain, layers=tuple(layers)),
-        cover_sds=tuple(_with_edges(sd[numbers]) for numbers in classes),
+        # each post with the largest sigma of itself and its neighbours: between them the surface is interpolated
+        cover_sds=tuple(maximum_filter(sd[numbers], size=3) for numbers in classes),
         sensed={},
     )
-
-
-def _with_edges(sds: Array) -> Array:
-    """Each post with the largest sigma of itself and its neighbours: between them the surface is interpolated."""
-    around = np.pad(sds, 1)
-    rows, columns = sds.shape
-    return np.asarray(np.maximum.reduce([around[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]))
 
 
 def _join_edges(heights: Array, layer: Layer, coarser: Terrain) -> None:

@@ -91,13 +91,14 @@ class Ground:
 
     @functools.cached_property
     def checksums(self) -> tuple[float, ...]:
-        """The sum of the posts of each layer with random signs [m].
+        """The sum of the posts of each layer, and of the sigmas of its cover, with random signs [m].
 
         The hash changes with the last bits of the posts, which depend on the processor.  This sum changes by the change
         of a post, at most: sums within ``CHECKSUM_TOLERANCE_M`` belong to the same terrain.
         """
         sensed = (number for _, ground in sorted(self.sensed.items()) for number in ground.checksums)
-        return (*(_signed_sum(layer.heights) for layer in self.terrain.layers), *sensed)
+        posts = (*(layer.heights for layer in self.terrain.layers), *self.cover_sds)
+        return (*map(_signed_sum, posts), *sensed)
 
     def has_checksums(self, checksums: Sequence[float]) -> bool:
         """Whether these are the checksums of the same posts."""

@@ -89,4 +89,10 @@ def test_the_measured_surface_has_bias_sigma_and_holes_by_class() -> None:
         assert laser.sd_at(size, 0.0) == pytest.approx(np.hypot(1.5, SD_M))
         assert laser.sd_at(-size, size) == 1.5
     assert laser.sd_at(9000.0, 0.0) == 1.5
-    assert len(ground.checksums) == 4 and not ground.has_checksums(ground.checksums[:2])
+    assert not ground.has_checksums(ground.checksums[:2])
+    level = TABLE.model_copy(update={"bias_m": 0.0})
+    here, there = (
+        Ground(ground.terrain, 1.5, "", sensed=sensed_grounds(ground, of_posts, (level,)))
+        for of_posts in (classes, [numbers[:, ::-1] for numbers in classes])
+    )
+    assert here.has_checksums(here.checksums) and not here.has_checksums(there.checksums)
