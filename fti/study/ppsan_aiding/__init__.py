@@ -13,7 +13,7 @@ each axis), as it states.
     T16.*.80, .170  RMS in the outage, or degradation, of 80-100 s and 170-200 s: smaller with the ground, paired by run
                     (sign test, p < 0.01)
     T16.*.30        the same of 30-40 s, while fixes begin: not larger by more than 5 %, pooled over runs
-    T16.old.*       the same shares and ratios with an elevation error of 1.5 m: reported
+    T16.old.*       errors within 3 sigma, and RMS with the ground over without, elevation error 1.5 m: reported
 """
 
 from __future__ import annotations
