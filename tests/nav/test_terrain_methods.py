@@ -33,7 +33,7 @@ from fti.ranging.multibeam import MultiBeam, beams_across
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.sensor import Poses
-from fti.study.ground_flights import relief
+from fti.study.ground_flights import LAT, LON, relief
 from fti.terrain.terrain import Terrain
 from tests.helpers import ROOT
 
@@ -135,6 +135,32 @@ def test_five_beams_determine_the_position_better_than_one() -> None:
     assert found["beams"].is_usable
     one, _ = fixes("laser")
     assert np.trace(found["beams"].cov) < 0.5 * np.trace(one["profile"].cov)
+
+
+@pytest.mark.parametrize(("clearance_m", "expected"), [(2.0, (1.0 + 4.0 / 40.0) / 40.0), (300.0, 3.0 / 100.0)])
+def test_beams_that_lie_close_together_count_less(clearance_m: float, expected: float) -> None:
+    """Three beams to 45 deg aside over level ground: 4 m wide at 2 m; independent errors for each metre of track."""
+    ground = Terrain.from_array(np.zeros((200, 200)), 20.0, lat0=LAT, lon0=LON, east0=-2000.0, north0=-2000.0)
+    device = Device(name="a", link="l", driver="d", altimeter=ALTIMETERS["multibeam"])
+    heights, attitude = (
+        HeightProfile(mounting_of(device), Ground(ground, 0.2, "")),
+        AttitudeState(0.0, 0.0, 0.0, 0.0, 0.0),
+    )
+    for k in range(SAMPLES):
+        t_ns = round(2e8 * k)
+        here, there = (ecef_from_geodetic(LAT + 2e-6 * step, LON, clearance_m) for step in (k, k + 1))
+        y = np.concatenate((here, (there - here) / 0.2, [1.0, 0.0, 0.0, 0.0], np.zeros(6)))
+        placed = []
+        for across in (-math.pi / 4.0, 0.0, math.pi / 4.0):
+            slant = clearance_m / math.cos(across)
+            beam = BeamRange(stamp=Stamp(t_ns), beam="", along=0.0, across=across, slant_range=slant)
+            placed.append(range_of_beam(beam, t_ns, device, attitude))
+        left, middle, right = placed
+        assert left is not None and middle is not None and right is not None
+        assert heights.add(t_ns, left, Estimate(t_ns, y, np.eye(15), np.zeros(6), FilterModel()), attitude)
+        heights.add_beam(middle)
+        heights.add_beam(right)
+    assert heights.independent_share * 3 * SAMPLES / heights.length_m == pytest.approx(expected, rel=0.01)
 
 
 @pytest.mark.parametrize("kind", ALTIMETERS)
