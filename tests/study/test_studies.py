@@ -25,6 +25,7 @@ RUNS = {"device_clock": 5, "triple_buffer": 1}
 #: Studies that take longer: their own tests judge parts of them, and the whole with --scale full.
 LONG = {"approach", "clearance", "compensation", "faults", "filter", "matching", "ranging", "robust_altimeter"}
 LONG |= {
+    "bound",
     "ground_watch",
     "long_endurance",
     "multibeam",

@@ -38,4 +38,4 @@ def test_every_example_runs(
         r"ELLIPSOID cannot be subtracted from MSL\(egm96\): convert one of the heights first",
     ):
         assert re.search(line, output), f"{line} not in:\n{output}"
-    assert len(BLOCKS) == 5
+    assert len(BLOCKS) == 6
