@@ -52,6 +52,7 @@ ELSEWHERE = {
     r"fti study validity": ("tests/study/test_validity.py", "validity.study("),
     r"fti study compensation": ("tests/study/test_compensation.py", "compensation.study("),
     r"fti study faults --runs 1": ("tests/study/test_faults_study.py", 'main(["study", "faults"'),
+    r"fti study bound": ("tests/study/test_bound.py", "bound.study("),
     r"fti study clearance": ("tests/study/test_clearance.py", "clearance.study("),
     r"fti study ranging": ("tests/study/test_studies.py", 'main(["study", "ranging"'),
 }
