@@ -1,17 +1,19 @@
-"""Show the contents of elevation files, plot them, and analyse their spectrum.
+"""Show, plot and analyse elevation files, and compare them with a recorded flight.
 
 Reads GeoTIFF, DTED (.dt0 .dt1 .dt2), SRTM (.hgt) and all other formats of GDAL, in any coordinate system, many files
 and resolutions at once.  ``info`` prints for each file its size, coordinates, post spacing in metres, vertical datum
 with its source, lowest and highest height, holes and coverage; then the layers of the combined terrain, the seams, and
 the resampling error of each layer.  ``plot`` draws that terrain: relief, hatched holes, seams, source files.
 ``spectrum`` prints which waves of the finest layer carry its heights and slopes, how often a sensor has to sample them
-at a speed, and the correlation length.
+at a speed, and the correlation length.  ``judge`` compares elevation models with the ground that the altimeters of a
+recorded flight measured (``fti terrain judge --help``).
 
   fti terrain info N47E011.hgt N47E012.hgt
   fti terrain info dsm_1m.tif srtm.hgt --vertical dsm_1m.tif=egm96 --json
   fti terrain spectrum dsm_1m.tif --vertical egm96 --at 47.9,11.8 --radius 2000 --speed 60 --out spectrum.png
   fti terrain plot *.dt2 --at 47.9,11.8 --radius 5000 --out map.png
   fti terrain plot dsm_1m.tif srtm.hgt --vertical egm96 --out map.svg --profile 47.90,11.75/47.90,11.85
+  fti terrain judge SESSION dsm_1m.tif srtm.hgt --vertical dsm_1m.tif=egm96 --plot judge.png
 
 A height needs a vertical datum.  The coordinate system or the format of a file states it: DTED and HGT are above mean
 sea level (EGM96).  For other files --vertical is required; a wrong datum is an error of 47 m in central Europe.  egm96
@@ -28,6 +30,7 @@ from typing import Any
 
 from fti.cli._arguments import MIN_POSITIVE, number, picture
 from fti.cli._printing import print_json, print_line, print_lines
+from fti.cli._terrain_judge import JUDGE, add_judge, judge_maps
 
 Place = tuple[float, float]
 LENGTH = number(MIN_POSITIVE, 1e6, "a length above 0 and up to 1000000 m")
@@ -36,7 +39,7 @@ SHARE = number(0.01, 0.999, "a share of 0.01 to 0.999")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Three actions."""
+    """Four actions."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     info = actions.add_parser("info", help="print the files and the layers of the terrain")
     _add_files(info)
@@ -55,10 +58,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     spectrum.add_argument("--share", type=SHARE, default=0.9, metavar="X", help="of the variance to be sampled (0.9)")
     spectrum.add_argument("--out", type=picture, metavar="FILE", help="also plot it (.png, .svg; must not exist)")
     spectrum.add_argument("--json", action="store_true", help="print one JSON object")
+    judge = actions.add_parser(
+        "judge",
+        help="compare elevation models with the altimeters of a recorded flight",
+        description=JUDGE,
+        formatter_class=parser.formatter_class,
+    )
+    add_judge(judge)
+    _add_opening(judge)
 
 
 def _add_files(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", metavar="FILE", help="elevation files; where two overlap the finer is used")
+    parser.add_argument("--at", type=_place, metavar="LAT,LON", help="only around this point [deg], with --radius")
+    parser.add_argument("--radius", type=LENGTH, metavar="M", help="half the side of the square around it [m]")
+    _add_opening(parser)
+
+
+def _add_opening(parser: argparse.ArgumentParser) -> None:
+    """Vertical datum and post spacing."""
     parser.add_argument(
         "--vertical",
         action="append",
@@ -66,8 +84,6 @@ def _add_files(parser: argparse.ArgumentParser) -> None:
         metavar="DATUM",
         help="egm96, egm2008 or ellipsoid: datum of files that state none; FILE=DATUM: of one file; may be repeated",
     )
-    parser.add_argument("--at", type=_place, metavar="LAT,LON", help="only around this point [deg], with --radius")
-    parser.add_argument("--radius", type=LENGTH, metavar="M", help="half the side of the square around it [m]")
     parser.add_argument("--cell", type=LENGTH, metavar="M", help="post spacing of the finest layer [m] (the file's)")
 
 
@@ -89,20 +105,29 @@ def _line(text: str) -> tuple[Place, Place]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print, draw or analyse."""
-    if (args.at is None) != (args.radius is None):
-        args.parser.error("--at, --radius: only both together")
-    return {"info": _info, "plot": _plot, "spectrum": _spectrum}[args.action](args)
+    """Print, draw, analyse or compare."""
+    return {"info": _info, "plot": _plot, "spectrum": _spectrum, "judge": _judge}[args.action](args)
 
 
 def _arguments(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of ``open_terrain`` and ``survey``, without the files."""
+    if (args.at is None) != (args.radius is None):
+        args.parser.error("--at, --radius: only both together")
+    return {"centre": args.at, "radius_m": args.radius, "cell_m": args.cell, "vertical": _datums(args)}
+
+
+def _datums(args: argparse.Namespace) -> dict[str, str]:
+    """Vertical datum by file; ``*``: of the others."""
     vertical: dict[str, str] = {}
     for word in args.vertical:
         file, _, datum = word.rpartition("=")
         if vertical.setdefault(file or "*", datum) != datum:
             args.parser.error(f"--vertical {word}: contradicts the earlier {vertical[file or '*']}")
-    return {"centre": args.at, "radius_m": args.radius, "cell_m": args.cell, "vertical": vertical}
+    return vertical
+
+
+def _judge(args: argparse.Namespace) -> int:
+    return judge_maps(args, _datums(args))
 
 
 def _info(args: argparse.Namespace) -> int:

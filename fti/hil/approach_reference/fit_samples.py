@@ -79,9 +79,9 @@ def read_samples(folder: Path, sensor: str, session: int = 0) -> FitSamples:
     for topic, t_ns, _, _, data in recording.messages("/nav/"):
         with using_message(topic, t_ns):
             if topic == HEIGHT + sensor:
-                values += _value(parse_table(data))
+                values += values_of(parse_table(data))
             elif topic == SOLUTION:
-                poses += _pose(parse_table(data))
+                poses += poses_of(parse_table(data))
     if values and poses:
         fit_samples = _interpolate_poses(np.array(sorted(values)), np.array(sorted(poses)), session)
         if len(fit_samples):
@@ -89,7 +89,8 @@ def read_samples(folder: Path, sensor: str, session: int = 0) -> FitSamples:
     raise MissingError(f"{folder}: has no values of {sensor!r} with a position; run fti reprocess")
 
 
-def _value(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
+def values_of(output: dict[str, Any]) -> Iterator[tuple[float, float]]:
+    """Time of validity [ns] and value [m] of a height, if it is a range to the ground."""
     if (
         output["raw"] is not None
         and output["t_valid_ns"] is not None
@@ -98,7 +99,8 @@ def _value(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
         yield float(output["t_valid_ns"]), float(output["raw"])
 
 
-def _pose(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
+def poses_of(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
+    """Time of validity [ns], ``_POSE`` and the sigma of the altitude of a solution, if its altitude is of a device."""
     if not output["valid"] or output.get("altitude_source") in COMPUTED_ALTITUDES:
         return
     if any(output[name] is None for name in ("t_valid_ns", *_POSE[:6])):

@@ -68,7 +68,7 @@ def as_json(result: FlightResult, flight: ComparedFlight) -> dict[str, Any]:
     for row in table["methods"]:
         row["fixes"] = [_fix(each) for each in flight.fixes[row["method"]]]
     table["bounds_m"] = flight.bounds
-    known: dict[str, Any] = _without_nan(table)
+    known: dict[str, Any] = without_nan(table)
     return known
 
 
@@ -89,9 +89,10 @@ def _fix(each: MethodFix) -> dict[str, Any]:
     }
 
 
-def _without_nan(value: Any) -> Any:
+def without_nan(value: Any) -> Any:
+    """Tables and lists with None for numbers that are not finite."""
     if isinstance(value, dict):
-        return {key: _without_nan(each) for key, each in value.items()}
+        return {key: without_nan(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_without_nan(each) for each in value]
+        return [without_nan(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

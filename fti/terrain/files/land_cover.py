@@ -35,6 +35,12 @@ def read_land_cover(path: str, terrain: Terrain, *, local_only: bool = False) ->
         return tuple(_of_layer(dataset, to_raster, layer, terrain.frame) for layer in terrain.layers)
 
 
+def land_cover_at(path: str, lat: Array, lon: Array) -> Codes:
+    """The class at places [rad]; ``UNKNOWN`` outside the raster.  Raises as ``read_land_cover``."""
+    with _open(path, False) as (dataset, to_raster):
+        return _classes_at(dataset, to_raster, lat, lon)
+
+
 def check_land_cover(path: str, files: Sequence[ElevationFileInfo]) -> None:
     """Raises as ``read_land_cover``, without reading the classes, and where it overlaps none of the elevation files."""
     with _open(path, False) as (dataset, to_raster):
@@ -76,10 +82,17 @@ def _of_layer(dataset: Any, to_raster: pyproj.Transformer, layer: Layer, frame: 
         up = np.nan_to_num(layer.heights[rows])
         east, north = np.broadcast_arrays(layer.east[None, :], layer.north[rows, None])
         lat, lon, _ = frame.to_geodetic(np.stack((east, north, up), axis=-1))
-        x, y = to_raster.transform(np.degrees(lon), np.degrees(lat))
-        a, b, c, d, e, f = (~dataset.transform)[:6]
-        column, row = np.floor(a * x + b * y + c), np.floor(d * x + e * y + f)
-        _read_pixels(dataset, row, column, classes[rows])
+        classes[rows] = _classes_at(dataset, to_raster, lat, lon)
+    return classes
+
+
+def _classes_at(dataset: Any, to_raster: pyproj.Transformer, lat: Array, lon: Array) -> Codes:
+    """The class at places [rad]."""
+    classes = np.full(lat.shape, UNKNOWN, dtype=np.uint8)
+    x, y = to_raster.transform(np.degrees(lon), np.degrees(lat))
+    a, b, c, d, e, f = (~dataset.transform)[:6]
+    column, row = np.floor(a * x + b * y + c), np.floor(d * x + e * y + f)
+    _read_pixels(dataset, row, column, classes)
     return classes
 
 
