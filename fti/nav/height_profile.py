@@ -11,6 +11,7 @@ Frame: east, north, up of the terrain.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -18,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fti.arrays import Array
-from fti.config import Device, Vector
+from fti.config import Altimeter, Device, Vector
 from fti.constants import SECOND_NS
 from fti.geodesy.formulas import mat_nb, rotate
 from fti.messages.measurements import BeamRange
 from fti.messages.outputs import HeightAboveGround
 from fti.nav.altimetry.altimeter_channel import TERRAIN_REASONS
-from fti.nav.altimetry.compensation import Mounting, mounting_of
+from fti.nav.altimetry.compensation import Mounting
 from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.altimetry.validity import Sample, reasons_against
 from fti.nav.filter.estimate import Estimate
@@ -49,9 +50,6 @@ MAX_CELLS = 100
 #: filter by more would bend the profile.  Measured with a tactical unit: satellites twice a second correct by up to
 #: 0.6 m, after an outage of 20 s by 3 m, and fixes of profiles that contain such a correction are wrong by 5 sigma.
 MAX_JUMP_M = 1.0
-#: Beams of one time.
-MAX_BEAMS = 32
-
 
 #: Errors of elevation of 30 m and 300 m length: samples that are closer count less.  Measured: error over sigma 0.9.
 CORRELATED_M = 40.0
@@ -178,8 +176,9 @@ class HeightProfile:
 
     def add_beam(self, measured: MeasuredRange) -> None:
         """Add a further beam of the last time; a beam in the same direction is left out."""
-        state, last = self._states[-1], self._ranges[-MAX_BEAMS:]
-        if all(measured.direction_b != other.measured.direction_b for other in last if other.state is state):
+        state = self._states[-1]
+        beams = itertools.takewhile(lambda other: other.state is state, reversed(self._ranges))
+        if all(measured.direction_b != other.measured.direction_b for other in beams):
             self._place(state, measured)
 
     def _place(self, state: _SensorState, measured: MeasuredRange) -> None:
@@ -243,13 +242,12 @@ class HeightProfile:
         return profile, nearest_surface(window, track, corridor_m(window, lattice)), lattice
 
 
-def range_of_height(height: HeightAboveGround, device: Device) -> MeasuredRange | None:
+def range_of_height(height: HeightAboveGround, altimeter: Altimeter, mounting: Mounting) -> MeasuredRange | None:
     """The range of an altimeter with one beam; None if it is not a range to the ground."""
     if height.raw is None or not TERRAIN_REASONS.issuperset(height.reasons):
         return None
-    assert device.altimeter is not None  # the configuration is checked for it
-    value = device.altimeter.corrected_range_m(height.raw)
-    return MeasuredRange(mounting_of(device).boresight_b, value, stated_sd(height.nearest_sd, RANGE_SD_UNKNOWN))
+    value = altimeter.corrected_range_m(height.raw)
+    return MeasuredRange(mounting.boresight_b, value, stated_sd(height.nearest_sd, RANGE_SD_UNKNOWN))
 
 
 def range_of_beam(beam: BeamRange, t_ns: int, device: Device, attitude: AttitudeState | None) -> MeasuredRange | None:

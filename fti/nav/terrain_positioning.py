@@ -89,7 +89,7 @@ class _Mark:
 class TerrainPosition:
     """Position from the heights of one altimeter.
 
-    aided : the filter that it aids;  observer : sees every mark and every profile; None: nobody does
+    aided : the filter that it aids;  observer : sees every mark and every profile; None: no observer
     """
 
     def __init__(
@@ -102,8 +102,9 @@ class TerrainPosition:
         self._settings, self._aided, self._observer = settings, aided, observer
         self._device = devices[settings.altimeter]
         assert self._device.altimeter is not None
-        self._method_name = name_in_flight(self._device.altimeter)
-        self._method = METHODS[self._method_name].make(self._device.altimeter)
+        self._altimeter = self._device.altimeter
+        self._method_name = name_in_flight(self._altimeter)
+        self._method = METHODS[self._method_name].make(self._altimeter)
         self._span_ns = round(settings.window_s * SECOND_NS)
         self._limits = MatchLimits(max_sd_m=settings.max_sd_m)
         self._profile: HeightProfile | None = None
@@ -123,8 +124,8 @@ class TerrainPosition:
 
     def set_terrain(self, ground: Ground | None) -> None:
         """Set the known ground; a profile over another one is dropped."""
-        if ground and self._device.altimeter:
-            ground = ground.sensed_by(self._device.altimeter.kind)
+        if ground:
+            ground = ground.sensed_by(self._altimeter.kind)
         period_ns = BEAM_PERIOD_NS if self._method_name == BEAMS else PERIOD_NS
         self._profile, self._mark = (
             HeightProfile(mounting_of(self._device), ground, period_ns) if ground else None,
@@ -152,7 +153,9 @@ class TerrainPosition:
         """Take an output of the altimeter that does not aid the altitude of the filter."""
         if self._profile is None or height.sensor != self._settings.altimeter or height.t_valid_ns is None:
             return
-        self._add(self._profile, height.t_valid_ns, range_of_height(height, self._device), nav)
+        self._add(
+            self._profile, height.t_valid_ns, range_of_height(height, self._altimeter, self._profile.mounting), nav
+        )
 
     def tick(self, t_ns: int) -> list[TerrainFix | Event]:
         """Mark the middle of a profile, match it at its end, repeat the last fix; events."""

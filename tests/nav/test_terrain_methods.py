@@ -90,7 +90,7 @@ def task(kind: str, ground: Terrain, known: Terrain) -> MatchTask:
                 for beam, each in zip(beams, (value, *others), strict=True)
             )
         else:
-            first, rest = range_of_height(height, device), []
+            first, rest = range_of_height(height, ALTIMETERS[kind], mounting_of(device)), []
         assert first is not None
         heights.add(t_ns, first, estimate, attitude)
         for each in rest:
