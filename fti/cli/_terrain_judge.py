@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fti.cli._arguments import picture
 from fti.cli._printing import print_json, print_line, print_lines
+from fti.cli.main import EXIT_LOSSES
 
 JUDGE = """Compare elevation models with the ground that the altimeters of a recorded flight measured.
 
@@ -64,4 +65,4 @@ def judge_maps(args: argparse.Namespace, vertical: Mapping[str, str]) -> int:
         if not args.json:
             print_line(args.plot)
     report_faults(recording)
-    return 3 if recording.faults else 0
+    return EXIT_LOSSES if recording.faults else 0

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic.json_schema import SkipJsonSchema
 
 from fti.config.keys import NO_UNIT, ONE, key
+
+if TYPE_CHECKING:
+    from fti.arrays import Array
+
+FloatOrArray = TypeVar("FloatOrArray", float, "Array")
 
 NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
 DATE_PATTERN = r"^\d{4}(-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?)?$"
@@ -316,7 +321,7 @@ class Altimeter(StrictModel):
         ),
     ] = None
 
-    def corrected_range_m(self, value: float) -> float:
+    def corrected_range_m(self, value: FloatOrArray) -> FloatOrArray:
         """Range [m] from the indicated ``value`` [m], corrected for the configured bias and scale."""
         return (value - self.bias_m) / self.scale
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
@@ -162,6 +162,12 @@ def route(ground: Terrain, seconds: float, rng: Rng) -> SplineFlight:
         north, east = x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn)
         places.append(Waypoint(LAT + north / per_lat, LON + mirror * east / per_lon, alt, SPEED_MPS))
     return waypoint_flight(places, BANK, (0.0, 0.0)).section(0.0, seconds + 1.0)
+
+
+def displaced(case: GroundCase, seed: int, number: int) -> GroundCase:
+    """A case with a map that is displaced by what it states, another one for each flight."""
+    east, north = case.map_sd * np.random.default_rng([seed, number, 1]).standard_normal(2)
+    return replace(case, map_shift=(float(east), float(north)))
 
 
 def _slow(rng: Rng, t: Array, sd: float, tau_s: float) -> Array:

@@ -21,7 +21,7 @@ class ElevationFileInfo:
     vertical       : egm96, egm2008 or ellipsoid; vertical_by : the origin of this
     unit_m         : metres in one unit of its heights
     date           : of the survey, or as in the file; None if unknown;  date_by : the origin of this
-    sd_m           : 1-sigma of its heights [m]; None if nobody states it;  sd_by : the origin of this
+    sd_m           : 1-sigma of its heights [m]; None if it is not stated;  sd_by : the origin of this
     accuracy_m     : of the step from its coordinates to WGS84, as PROJ states it [m]; None when unknown
     south, west, north, east : the box around its pixels [rad]; west is above east across the antimeridian
     """

@@ -17,7 +17,7 @@ from fti.messages.outputs import TerrainFix
 from fti.messages.reasons import Reason
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate
-from fti.nav.terrain_matching.fix import MatchFix
+from fti.nav.terrain_matching.fix import MatchFix, disagrees
 from fti.post.score.truth_table import TruthTable
 from fti.post.terrain_comparison.observer import (
     ALONE,
@@ -27,7 +27,6 @@ from fti.post.terrain_comparison.observer import (
     MethodComparison,
     MethodFix,
     bound_cov,
-    disagrees,
     offset_m,
 )
 from fti.post.terrain_comparison.reference import ReferencePosition, TruthReference
@@ -180,8 +179,9 @@ def test_a_fix_disagrees_beyond_99_9_percent_of_both_sigmas() -> None:
         MatchFix(0.0, np.array([shift, 0.0]), 16.0 * np.eye(2), 0.0, 1.0, np.zeros(2), 0.0, 1.0, frozenset())
         for shift in (18.4, 18.8)  # 3.71 sigma of 5 m are 18.57 m
     ]
-    assert [disagrees(each, given) for each in found] == [False, True]
-    assert not disagrees(found[1], free)
+    far = [disagrees(each.shift, each.cov, given.limits, given.priors.position_cov) for each in found]
+    assert far == [False, True]
+    assert not disagrees(found[1].shift, found[1].cov, free.limits, free.priors.position_cov)
 
 
 def test_the_error_is_north_and_east_of_the_reference() -> None:

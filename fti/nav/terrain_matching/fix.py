@@ -151,8 +151,7 @@ def match(
         Refusal.AT_EDGE: unknown > MAX_UNKNOWN or _is_at_edge(best.shift, lattice, window.cell_m),
         Refusal.RESIDUAL: best.chi_square > _max_chi_square(len(profile), independent_share, limits.residual_sigmas),
         Refusal.AMBIGUOUS: ambiguity > limits.ambiguity,
-        Refusal.DISAGREES: position_cov is not None
-        and shift @ np.linalg.solve(position_cov + cov, shift) > limits.distance_2,
+        Refusal.DISAGREES: disagrees(shift, cov, limits, position_cov),
     }
     return MatchFix(
         t=profile.middle,
@@ -195,6 +194,13 @@ def _level_chi_square(profile: Profile) -> float:
 def _noise_ratio(chi_square: float, profile: Profile) -> float:
     """RMS of the residuals over their stated sigma, at least 1."""
     return max(1.0, math.sqrt(chi_square / (len(profile) - PARAMETERS)))
+
+
+def disagrees(shift: Array, cov: Array, limits: MatchLimits, position_cov: Array | None) -> bool:
+    """Whether a fix lies too far from the navigated position; never without its covariance."""
+    if position_cov is None:
+        return False
+    return bool(shift @ np.linalg.solve(position_cov + cov, shift) > limits.distance_2)
 
 
 def without_position(profile: Profile, reason: Refusal) -> MatchFix:

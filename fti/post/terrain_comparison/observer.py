@@ -26,7 +26,7 @@ from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.position_mark import MarkedPosition, PositionMark
 from fti.nav.navigation import NavState
 from fti.nav.terrain_matching.acquisition import Acquisition
-from fti.nav.terrain_matching.fix import MatchFix
+from fti.nav.terrain_matching.fix import MatchFix, disagrees
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_methods import MatchTask, TerrainMethod, methods_for, name_in_flight
 from fti.nav.terrain_positioning import MIN_DRIFT_MPS, aiding_of, complete_fix, drift_sd, refusal_reasons
@@ -201,18 +201,10 @@ def _decide(
     """The output of a match with its validity, as in flight."""
     confirmed = acquisition.add(found)
     reasons = refusal_reasons(found, is_confirmed=confirmed is not None or not fix.is_search)
-    if not reasons and disagrees(found, task):
+    if not reasons and disagrees(found.shift, found.cov, task.limits, task.priors.position_cov):
         reasons = (Reason.REJECTED,)
     fix = replace(fix, valid=not reasons, reasons=reasons)
     return complete_fix(fix, found, marked, task.heights.ground)
-
-
-def disagrees(found: MatchFix, task: MatchTask) -> bool:
-    """Whether a fix lies too far from the navigated position; never during a search."""
-    if task.priors.position_cov is None:
-        return False
-    distance_2 = found.shift @ np.linalg.solve(task.priors.position_cov + found.cov, found.shift)
-    return bool(distance_2 > task.limits.distance_2)
 
 
 def bound_cov(task: MatchTask, marked: Estimate, reference: ReferencePosition) -> Array | None:

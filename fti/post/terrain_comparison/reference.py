@@ -10,11 +10,9 @@ import numpy as np
 from fti.arrays import Array
 from fti.config import Device, Filter
 from fti.messages.measurements import Measurement
+from fti.nav.fallbacks import FILTER_TICKS
 from fti.nav.inertial_aiding import AidedNavigation
 from fti.post.score.truth_table import TruthTable
-
-#: Tests between the sources run every so many ticks of 20 ms, as in flight.
-TEST_TICKS = 10
 
 
 class ReferencePosition(NamedTuple):
@@ -79,7 +77,7 @@ class SatelliteReference:
     def tick(self, t_ns: int) -> None:
         """Run the tests between the sources."""
         self._ticks += 1
-        if self._ticks % TEST_TICKS == 0:
+        if self._ticks % FILTER_TICKS == 0:
             self._aided.events(t_ns)
 
     def at(self, t_ns: int) -> ReferencePosition | None:

@@ -17,7 +17,7 @@ COVER_HEAD = ("map", "class", "ranges", "bias [m]", "spread [m]")
 LEGEND = (
     "bias: measured ground minus map, of altimeter, navigated altitude, datum and map together",
     "east, north: place of the map relative to the position source; lag: of the altimeter, in addition to latency_ms",
-    "spread: robust sigma of the residuals; +-: 1 sigma by a bootstrap of blocks; -: fixed to 0",
+    "spread: robust sigma of the residuals; +-: 1 sigma by a bootstrap of blocks and ground squares; -: fixed to 0",
 )
 AS_GIVEN, WITH_SHIFT = "as given", "with shift"
 PARAMETERS = ("bias_m", "shift_east_m", "shift_north_m", "lag_s")

@@ -183,7 +183,7 @@ class FlightRecord(NamedTuple):
         mounting = mounting_of(device)
         values = self.values[device.name]
         t = (values[:, 0] - self.begin_ns) * 1e-9
-        ranges = (values[:, 1] - device.altimeter.bias_m) / device.altimeter.scale
+        ranges = device.altimeter.corrected_range_m(values[:, 1])
         return RangeSamples.of_track(t, ranges, self.track(mounting, frame), mounting.half_beam)
 
     def track(self, mounting: Mounting, frame: LocalFrame) -> SensorTrack:

@@ -19,6 +19,7 @@ from fti.post.terrain_judge.samples import FlightRecord, RangeSamples, read_flig
 from fti.terrain.files.catalogue import list_files
 from fti.terrain.files.land_cover import land_cover_at
 from fti.terrain.files.open_terrain import open_terrain
+from fti.terrain.files.vertical import OTHER_FILES, datums_of
 from fti.terrain.terrain import Terrain
 
 #: Altimeters with fewer ranges are left out.
@@ -105,7 +106,7 @@ def _open(
     extent = max(float(np.abs(each.track.at(each.t)[0][:, :2]).max()) for each in samples)
     longest = max(float(each.ranges.max()) for each in samples)
     paths = {model: list_files([model]) for model in files.models}
-    known = {"*", *(path for each in paths.values() for path in each)}
+    known = {OTHER_FILES, *(path for each in paths.values() for path in each)}
     if unknown := [name for name in files.vertical if name not in known]:
         raise ConfigError(f"--vertical {unknown[0]}={files.vertical[unknown[0]]}: is not one of the elevation files")
     terrains = dict[str, Terrain]()
@@ -115,7 +116,7 @@ def _open(
             centre=(frame.lat0, frame.lon0),
             radius_m=extent + longest + REACH_M + MARGIN_M,
             cell_m=files.cell_m,
-            vertical={name: datum for name, datum in files.vertical.items() if name in {"*", *names}},
+            vertical=datums_of(files.vertical, names),
         )
         progress("reading elevation", (number + 1) / len(paths))
     return terrains

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from fti.arrays import Array
-from fti.study.ground_flights import GroundCase, GroundRun, LaserPosition, MakePosition, Satellites, fly
+from fti.study.ground_flights import GroundCase, GroundRun, LaserPosition, MakePosition, Satellites, displaced, fly
 from fti.study.long_endurance.beams import BeamPosition
 from fti.terrain.dem_error import DemError
 
@@ -75,8 +75,7 @@ def fly_with(unit: str, aid: str, seed: int, number: int) -> GroundRun:
 
 def _fly(case: GroundCase, aid: str, seed: int, number: int) -> GroundRun:
     make = AIDS[aid]
-    shift = MAP_SD_M * np.random.default_rng([seed, number, 1]).standard_normal(2)
-    case = replace(case, ground=number % GROUNDS, map_shift=(float(shift[0]), float(shift[1])))
+    case = displaced(replace(case, ground=number % GROUNDS), seed, number)
     return fly(replace(case, window_s=None), seed, number) if make is None else fly(case, seed, number, make)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fti.arrays import Array
-from fti.study.ground_flights import GroundCase, GroundRun, Satellites, fly
+from fti.study.ground_flights import GroundCase, GroundRun, Satellites, displaced, fly
 from fti.terrain.dem_error import DemError
 
 SECONDS = 250.0
@@ -60,9 +60,8 @@ def fly_schedule(name: str, elevation_sd: float | None, seed: int, number: int) 
     """One flight of a schedule.  elevation_sd : one sigma of the error of the elevation [m]; None: no ground aids"""
     if elevation_sd is None:
         return fly(replace(BASE, satellites=SCHEDULES[name], window_s=None), seed, number)
-    shift = MAP_SD_M * np.random.default_rng([seed, number, 1]).standard_normal(2)
-    map_shift, error = (float(shift[0]), float(shift[1])), DemError(noise_sd=elevation_sd)
-    return fly(replace(BASE, satellites=SCHEDULES[name], map_shift=map_shift, dem_error=error), seed, number)
+    case = replace(BASE, satellites=SCHEDULES[name], dem_error=DemError(noise_sd=elevation_sd))
+    return fly(displaced(case, seed, number), seed, number)
 
 
 def run(task: tuple[int, int]) -> Pairs:

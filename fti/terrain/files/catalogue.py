@@ -19,7 +19,7 @@ from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.layout import make_plans, place_area
 from fti.terrain.files.local_only import local_environment
 from fti.terrain.files.open_terrain import check_arguments
-from fti.terrain.files.vertical import OTHER_FILES, datum_names_by_file
+from fti.terrain.files.vertical import datum_names_by_file, datums_of
 
 #: Endings of elevation files in a folder.
 SUFFIXES = frozenset({".tif", ".tiff", ".hgt", ".dt0", ".dt1", ".dt2", ".asc", ".img"})
@@ -127,7 +127,7 @@ class TerrainCatalogue:
         """The datums without those of other files."""
         if self.vertical is None or isinstance(self.vertical, str):
             return self.vertical
-        return {file: datum for file, datum in self.vertical.items() if file in (*paths, OTHER_FILES)}
+        return datums_of(self.vertical, paths)
 
 
 def read_catalogue(

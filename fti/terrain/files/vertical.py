@@ -48,6 +48,11 @@ def datum_names_by_file(vertical: str | Mapping[str, str] | None, paths: Collect
     return words
 
 
+def datums_of(words: Mapping[str, str], paths: Collection[str]) -> dict[str, str]:
+    """The caller's datums without those of other files than ``paths``."""
+    return {file: datum for file, datum in words.items() if file == OTHER_FILES or file in paths}
+
+
 def split_crs(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
     """The horizontal part, and the part with the third axis (None without)."""
     if crs.is_compound:
