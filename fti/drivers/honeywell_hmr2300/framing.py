@@ -16,9 +16,9 @@ Lock      Without a boundary no sample is released before four ends are found at
 
 False lock: 2^-32 (2.3e-10) for each byte of noise.  In a true stream a wrong phase has four ends when a high byte stays
 0D (an axis between 0.222 and 0.239 G: one in 25 fields of the Earth's magnitude), and smoothness decides.  It fails
-only when field and noise are constant to the count for all samples of the window; then no sample is released, or the
-previous boundary is kept, which may be wrong just after a connect (therefore the device is stopped first, and "BINARY
-ON" precedes its first sample).  An additional byte gives one wrong sample when Z lo is 0D and the sample differs by
+only when that axis changes by less than two counts from sample to sample; then no sample is released, or the previous
+boundary is kept, which may be wrong just after a connect (therefore the device is stopped first, and "BINARY ON"
+precedes its first sample).  An additional byte gives one wrong sample when Z lo is 0D and the sample differs by
 less than ``MAX_JUMP_COUNTS``, and two when X hi is 0D, whose column then continues as the end.  A flipped bit in a
 sample is not detectable.
 """
