@@ -34,6 +34,10 @@ def lines(description: dict[str, Any]) -> Iterator[str]:
     if description["terrain"]:
         tables["terrain"] = [terrain_cells(file) for file in description["terrain"]]
         tables["terrain error"] = [layer_cells(layer) for layer in description["terrain_layers"]]
+    if description["land_cover"]:
+        tables[f"land cover of {description['land_cover']['file']}"] = [
+            _cover_cells(cover) for cover in description["land_cover"]["cover"]
+        ]
     for title, rows in tables.items():
         yield title
         yield from table_lines(rows)
@@ -74,6 +78,12 @@ def _role_cells(description: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     for role, name in (("filter", "filter"), ("ground", "terrain_position")):
         if description[name]:
             yield (role, description[name])
+
+
+def _cover_cells(cover: dict[str, Any]) -> tuple[str, ...]:
+    classes = ", ".join(str(number) for number in cover["classes"])
+    measures = f"{cover['bias_m']:g} m above the elevation, sigma {cover['sd_m']:g} m"
+    return (f"class {classes}", cover["altimeter"], "no sample is used" if cover["excluded"] else measures)
 
 
 def table_lines(rows: list[tuple[str, ...]]) -> Iterator[str]:

@@ -169,6 +169,7 @@ def describe(config: Config) -> dict[str, Any]:
         "terrain_position": _terrain_position(config),
         "terrain": terrain,
         "terrain_layers": layers,
+        "land_cover": _land_cover(config.nav),
         "approach": config.nav.approach.profile if config.nav.approach else None,
         "missing": list(describe_missing(config)),
         "warnings": [*_shared_ports(config), *_poor_storage(config), *warnings(config, devices, layers)],
@@ -195,6 +196,13 @@ def _terrain_position(config: Config) -> str | None:
     device = config.find_device(settings.altimeter)
     beams = " with all beams" if device and is_multibeam(device) else ""
     return f"profiles of {settings.altimeter}{beams}, {settings.window_s:g} s each, aid the filter"
+
+
+def _land_cover(nav: Nav) -> dict[str, Any] | None:
+    """The raster of classes, and what altimeters measure over them; None without one."""
+    if nav.terrain is None or nav.terrain.land_cover is None:
+        return None
+    return {"file": nav.terrain.land_cover, "cover": [table.model_dump() for table in nav.terrain.cover]}
 
 
 def _describe_storage(config: Config) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic.json_schema import SkipJsonSchema
+from pydantic_core import PydanticCustomError
 
 from fti.config.keys import NO_UNIT, ONE, key
 
@@ -419,6 +420,16 @@ class TerrainFileTable(StrictModel):
     @classmethod
     def _date_as_text(cls, value: object) -> object:
         return value.isoformat() if isinstance(value, datetime.date) else value
+
+    @field_validator("date")
+    @classmethod
+    def _is_in_calendar(cls, value: str | None) -> str | None:
+        if value is not None:
+            try:
+                datetime.date.fromisoformat(value + "0000-01-01"[len(value) :])
+            except ValueError as error:
+                raise PydanticCustomError("date", "there is no such day ({reason})", {"reason": str(error)}) from None
+        return value
 
 
 class LandCoverTable(StrictModel):

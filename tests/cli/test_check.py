@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from affine import Affine
 
 from fti import config
 from fti.cli import _receive_buffer
@@ -17,7 +18,7 @@ from fti.cli.check import worst_load
 from fti.cli.main import main
 from fti.links.sockets import RECEIVE_BUFFER
 from tests.helpers import ROOT
-from tests.terrain.elevation_files import Array, write_ground
+from tests.terrain.elevation_files import LAT, LON, Array, write_ground, write_tif
 
 REFERENCE = ROOT / "configs" / "profiles" / "demo.csv"
 
@@ -302,11 +303,29 @@ def test_datum_date_and_sigma_of_files_are_those_of_the_configuration(
     for old, new, text in (
         ('path = "tiles"', 'path = "tile"', "nav.terrain.file[1].path = '"),
         ('date = "2000-02"', 'date = "02/2000"', "nav.terrain.file[1].date = '02/2000': must be YYYY, YYYY-MM or"),
+        ('date = "2000-02"', 'date = "2001-02-29"', "nav.terrain.file[1].date = '2001-02-29': there is no such day"),
         ("date = 2019-05-01", "", "nav.terrain.file[0]: needs at least one of vertical, sd_m and date"),
     ):
         file.write_text(BENCH + STATED.replace(old, new))
         assert main(["check", str(file)]) == 2
         assert text in capsys.readouterr().err
+
+
+def test_land_cover_is_listed_with_what_altimeters_measure_over_it(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_ground(file.parent / "dem.tif", lambda lat, lon: 500.0 + 0.0 * lat * lon, "EPSG:32632", 20, 10.0)
+    classes = np.full((4, 4), 10, dtype=np.uint8)
+    write_tif(file.parent / "cover.tif", classes, "EPSG:4326", Affine(0.5, 0.0, LON - 1.0, 0.0, -0.5, LAT + 1.0))
+    woods = '{ classes = [10], altimeter = "laser", bias_m = 17.0, sd_m = 5.0 }'
+    water = '{ classes = [80, 90], altimeter = "laser", excluded = true }'
+    text = LAND_COVER[: LAND_COVER.index("cover = [")]
+    file.write_text(f"{BENCH}{text}cover = [{woods}, {water}]\n")
+    assert main(["check", str(file)]) == 0
+    output = capsys.readouterr().out
+    assert f"land cover of {file.parent / 'cover.tif'}\n" in output
+    assert "class 10      laser  17 m above the elevation, sigma 5 m\n" in output
+    assert "class 80, 90  laser      no sample is used\n" in output
 
 
 def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

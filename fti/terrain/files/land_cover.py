@@ -60,7 +60,8 @@ def _open(path: str, local_only: bool) -> Iterator[tuple[Any, pyproj.Transformer
 
 def _transformer(path: str, dataset: Any) -> pyproj.Transformer:
     if dataset.count != 1 or dataset.dtypes[0] != "uint8":
-        raise ConfigError(f"{path}: has {dataset.count} bands of {dataset.dtypes[0]}; land cover is one band of uint8")
+        bands = "1 band" if dataset.count == 1 else f"{dataset.count} bands"
+        raise ConfigError(f"{path}: has {bands} of {dataset.dtypes[0]}; land cover is one band of uint8")
     if dataset.crs is None or dataset.transform.is_identity:
         raise ConfigError(f"{path}: has no coordinate system: its position on Earth is unknown")
     return pyproj.Transformer.from_crs(WGS84, pyproj.CRS.from_wkt(dataset.crs.to_wkt()), always_xy=True)

@@ -34,9 +34,9 @@ def test_each_post_has_the_class_of_the_pixel_around_it(tmp_path: Path) -> None:
 def test_a_file_that_is_no_raster_of_classes_is_named(tmp_path: Path) -> None:
     terrain = Terrain.from_array(np.zeros((2, 2)), 10.0)
     heights = write_tif(tmp_path / "heights.tif", np.zeros((4, 4)), "EPSG:4326", from_origin(11.0, 48.0, 0.1, 0.1))
-    with pytest.raises(ConfigError, match=r"heights\.tif: has 1 bands of float32; land cover is one band of uint8"):
+    with pytest.raises(ConfigError, match=r"heights\.tif: has 1 band of float32; land cover is one band of uint8"):
         read_land_cover(heights, terrain)
-    with pytest.raises(ConfigError, match=r"heights\.tif: has 1 bands"):
+    with pytest.raises(ConfigError, match=r"heights\.tif: has 1 band of"):
         check_land_cover(heights, ())
     (tmp_path / "text.tif").write_text("trees")
     with pytest.raises(ConfigError, match=r"text\.tif: is not land cover that GDAL can read"):
