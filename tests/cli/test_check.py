@@ -325,7 +325,7 @@ def test_land_cover_is_listed_with_what_altimeters_measure_over_it(
     output = capsys.readouterr().out
     assert f"land cover of {file.parent / 'cover.tif'}\n" in output
     assert "class 10      laser  17 m above the elevation, sigma 5 m\n" in output
-    assert "class 80, 90  laser      no sample is used\n" in output
+    assert "class 80, 90  laser  no sample is used\n" in output
 
 
 def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
