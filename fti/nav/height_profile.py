@@ -182,11 +182,13 @@ class HeightProfile:
             self._place(state, measured)
 
     def _place(self, state: _SensorState, measured: MeasuredRange) -> None:
-        """Add a range; the sigma of the elevation is that of the measured point, of a radar that straight below."""
+        """Add a range; the sigma of the elevation is that of the measured point, or of the radar's nearest return."""
         axis = state.mat_lb @ measured.direction_b
-        is_point = self.mounting.half_beam == 0.0
-        east, north, _ = state.origin + measured.slant_range * axis if is_point else state.origin
-        self._ranges.append(_PlacedRange(state, measured, axis, self.ground.sd_at(float(east), float(north))))
+        radius_m = measured.slant_range * math.sin(self.mounting.half_beam)
+        east, north, _ = map(float, state.origin + measured.slant_range * axis)
+        if radius_m > 0.0:
+            east, north = self.ground.place_of_return(state.origin, radius_m)
+        self._ranges.append(_PlacedRange(state, measured, axis, self.ground.sd_at(east, north)))
 
     def is_due(self, t_ns: int) -> bool:
         """Whether a range of this time is far enough from the last one."""

@@ -61,6 +61,27 @@ class Ground:
                 return math.hypot(sd, resampling.rms_m)
         return sd
 
+    def place_of_return(self, origin: Array, radius_m: float) -> tuple[float, float]:
+        """Where a beam straight down probably meets the surface first: east, north of the nearest post [m].
+
+        origin : of the beam, in the terrain's frame (3,) [m];  radius_m : of the beam on the ground
+        Without land cover the sigma is nearly the same everywhere in the beam: then straight below.
+        """
+        east, north, up = map(float, origin)
+        below = nearest_posts(self.terrain.posts, np.array([east]), np.array([north])) if self.cover_sds else None
+        if below is None or below[0][0] < 0:
+            return east, north
+        layer = self.terrain.layers[int(below[0][0])]
+        reach = math.ceil(radius_m / layer.cell_m)
+        row, column = divmod(int(below[1][0]), layer.heights.shape[1])
+        rows, columns = (slice(max(middle - reach, 0), middle + reach + 1) for middle in (row, column))
+        aside = np.hypot(layer.east[columns][None, :] - east, layer.north[rows][:, None] - north)
+        distance = np.where(aside <= radius_m, np.hypot(aside, up - layer.heights[rows, columns]), np.inf)
+        if not np.isfinite(distance).any():
+            return east, north
+        i, j = np.unravel_index(int(np.nanargmin(distance)), distance.shape)
+        return float(layer.east[columns][j]), float(layer.north[rows][i])
+
     def _cover_sd(self, east: float, north: float) -> float:
         if not self.cover_sds:
             return 0.0
