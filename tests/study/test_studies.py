@@ -27,6 +27,7 @@ LONG = {"approach", "clearance", "compensation", "faults", "filter", "matching",
 LONG |= {
     "bound",
     "ground_watch",
+    "ira_closest_point",
     "long_endurance",
     "multibeam",
     "ppsan",
