@@ -3,6 +3,10 @@
     drift_model    linear-Gaussian errors of the navigated position and height, and the estimate of a filter
     height_sample  residual of one height sample at many positions, and its likelihood
     point_mass     point-mass filter: the probability on an adaptive grid
+    sir            particle filter; its measurement is exchangeable
+    marginalised   particle filter with a velocity error
+    recovery       test whether a filter is lost
+    terrain_filter the form that the uncertainty of the position needs; it starts again when lost
     bound          posterior Cramer-Rao bound along a flight
 
 Frame: east, north, up of the terrain's local frame [m].  A shift is true minus navigated position, as in

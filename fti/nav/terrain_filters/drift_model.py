@@ -11,7 +11,8 @@ The velocity error is true minus navigated velocity, like the shift.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +62,16 @@ class DriftModel:
         matrix[SHIFT, VELOCITY] = seconds * np.eye(2)
         walks = (self.position_walk, self.position_walk, self.height_walk, self.velocity_walk, self.velocity_walk)
         return matrix, np.diag(seconds * np.square(walks))
+
+    def after(self, seconds: float) -> DriftModel:
+        """The model of a start after a time [s] without samples; its errors are not correlated."""
+        position_2 = self.position_walk**2 * seconds + self.velocity_walk**2 * seconds**3 / 3.0
+        return replace(
+            self,
+            position_sd=math.hypot(self.position_sd, self.velocity_sd * seconds, math.sqrt(position_2)),
+            height_sd=math.hypot(self.height_sd, self.height_walk * math.sqrt(seconds)),
+            velocity_sd=math.hypot(self.velocity_sd, self.velocity_walk * math.sqrt(seconds)),
+        )
 
     def propagate(self, cov: Array, seconds: float) -> Array:
         """Covariance of the state after a time [s] without samples, shape (5, 5)."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import convolve1d
@@ -44,7 +45,24 @@ MAX_DRIFT_CELLS = 8.0
 #: Share of the largest weight below which the convolution's kernel ends.
 KERNEL_SHARE = 1e-10
 
+#: Share of the probability that may be beyond a distance within which the position is.
+BEYOND_SHARE = 1e-3
+
 _Linear = Callable[[Array], Array]
+
+
+class GridCells(NamedTuple):
+    """Cells with a probability, shape (n,) each.
+
+    east, north : shift of the middle [m];  mean, variance : of the height error [m, m^2];  side : of a cell [m]
+    """
+
+    east: Array
+    north: Array
+    probability: Array
+    mean: Array
+    variance: Array
+    side: float
 
 
 class PointMassFilter:
@@ -72,6 +90,20 @@ class PointMassFilter:
         """Cells north and east."""
         rows, columns = self._probability.shape
         return rows, columns
+
+    @property
+    def cells(self) -> GridCells:
+        """The cells that are not empty."""
+        row, column = np.nonzero(self._probability)
+        east, north = self._axes()
+        probability, mean, variance = (grid[row, column] for grid in (self._probability, self._mean, self._variance))
+        return GridCells(east[column], north[row], probability, mean, variance, self._cell)
+
+    def is_within(self, distance_m: float) -> bool:
+        """Whether the shift is within a distance of its mean, but for ``BEYOND_SHARE``."""
+        (east, north), axes = self.estimate().shift, self._axes()
+        is_beyond = np.hypot(axes[0] - east, axes[1][:, None] - north) > distance_m
+        return bool(self._probability[is_beyond].sum() < BEYOND_SHARE)
 
     def predict(self, seconds: float) -> None:
         """Time update."""
