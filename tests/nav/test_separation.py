@@ -77,19 +77,26 @@ def test_one_transition_for_all_steps_is_that_of_many() -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(one[1])), np.sqrt(np.diag(many[1])), rtol=1e-4)
 
 
-def test_a_heading_that_is_far_off_is_in_the_sigma_along_the_force() -> None:
-    """A turn of 20 s at 5 m/s^2 with 35 deg of heading sigma: what (1 - cos psi) makes of drawn headings, along it."""
+def test_a_heading_that_is_far_off_is_in_the_sigma_along_and_across_the_force() -> None:
+    """A turn of 20 s at 5 m/s^2 with 35 deg of heading sigma: what drawn headings make of the force beyond first order,
+    (1 - cos psi) along it and (psi - sin psi) across it, beside the linear effect of the heading.
+    """
     sd, force, seconds = math.radians(35.0), 5.0, 20
     start = InitialState(0.8, 0.2, ALT, (60.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1e-3,) * 3, (1e-3,) * 3, (1e-4, 1e-4, sd))
     here = start.estimate(0, np.zeros(6), MODEL)
     y, P, imu = here.y.copy(), here.P.copy(), np.array([force, 0.0, -9.8, 0.0, 0.0, 0.0])
     for _ in range(10 * seconds):
         kernels.step(y, P, imu, imu, np.zeros(6), MODEL.unit.table, MODEL.drifts, 0.1)
-    north_e = here.mat_en[:, 0]
-    found = math.sqrt(float(north_e @ P[3:6, 3:6] @ north_e))
+    north_e, east_e, down_e = here.mat_en.T
+    along = math.sqrt(float(north_e @ P[3:6, 3:6] @ north_e))
+    # the part of the velocity across the force that the heading does not explain
+    cross = P[3:6, 6:9].T @ east_e @ down_e
+    across = math.sqrt(float(east_e @ P[3:6, 3:6] @ east_e) - cross**2 / float(down_e @ P[6:9, 6:9] @ down_e))
     drawn = np.random.default_rng(3).normal(0.0, sd, 100_000)
-    true = force * seconds * math.sqrt(float(np.mean((1.0 - np.cos(drawn)) ** 2)))
-    assert true < found < 1.3 * true
+    beyond = [1.0 - np.cos(drawn), drawn - np.sin(drawn)]
+    true_along, true_across = (force * seconds * math.sqrt(float(np.mean(each**2))) for each in beyond)
+    assert true_along < along < 1.3 * true_along
+    assert true_across < across < 1.3 * true_across
 
 
 def test_a_copy_that_goes_without_nothing_is_the_filter() -> None:

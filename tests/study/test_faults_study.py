@@ -11,7 +11,7 @@ import pytest
 
 from fti.cli.main import main
 from fti.plot_style import write_figure
-from fti.study import StudyResult, faults
+from fti.study import StudyResult, faults, ground_flights
 from fti.study.faults import CELLS, Cell, SensorFault, detectability, plots
 from fti.study.faults.cells import GRADES
 from fti.study.faults.detectability import distance, is_detectable
@@ -30,6 +30,7 @@ from fti.study.faults.experiment import (
 )
 from fti.study.faults.judge import bound, judge_all
 from fti.study.faults.product import Product, SeparationCalibration
+from fti.study.ground_flights import GroundCase
 
 TACTICAL = AircraftGroup("tactical", 1, "legs")
 SAMPLE = ("tactical/jump-100/1-of-1/legs", "tactical/ramp-velocity-3/1-of-1/legs", "tactical/baro-ramp-1/1-of-1/legs")
@@ -108,6 +109,16 @@ def test_a_heading_that_has_drifted_on_a_straight_leg_excludes_no_receiver_in_th
         task = FlightTask(31, number, AircraftGroup(grade, 1, pattern), (), 900.0)
         record = Product(Cell(grade, SensorFault.NONE, pattern=pattern)).fly(nominal_flight(task).between(0.0, 330.0))
         assert not [text for _, text in record.events if "refused" in text]
+
+
+def test_a_heading_that_is_a_right_angle_off_excludes_no_receiver_in_the_first_turn() -> None:
+    """A MEMS unit after two minutes straight on: 86 deg off with a sigma of 52 deg, when it banks by 20 deg.
+
+    Without noise across the force the filter is certain of its heading to 9 deg after 3 s, and wrong by more.
+    """
+    flown = ground_flights.fly(GroundCase(seconds=200.0, unit="mems", window_s=None, ground=1), 17, 1)
+    assert flown.t[-1] > 198.0
+    assert not [event.text for _, event in flown.events if "refused" in event.text]
 
 
 def test_a_copy_of_the_product_goes_on_as_the_product_does() -> None:

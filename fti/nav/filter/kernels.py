@@ -181,19 +181,24 @@ def largest_sd(north: float, east: float, across: float) -> float:
 
 @kernel
 def _add_heading_noise(P: Array, force_e: Array, down_e: Array, seconds: float) -> None:
-    """Noise for the second-order effect of a heading error psi on the horizontal force f: (1 - cos psi) f, along f.
+    """Noise for what a heading error psi does to the horizontal force f beyond first order.
 
-    For a normal psi its mean square is 3/4 sigma^4; it lasts for a turn.  Below 5 deg it is less than 0.7 % of f.
+    Along f it is (1 - cos psi) f, across f (psi - sin psi) f.  For a normal psi their mean squares are 3/4 sigma^4 and
+    5/12 sigma^6; they last for a turn.  Below 5 deg they are less than 0.7 % and 0.05 % of f.
     """
     variance, down = 0.0, 0.0
     for i in range(3):
         down += down_e[i] * force_e[i]
         for j in range(3):
             variance += down_e[i] * P[TURN + i, TURN + j] * down_e[j]
-    density = 0.75 * min(variance, 1.0) ** 2 * TURN_S * seconds
+    variance = min(variance, 1.0)
+    along, across = 0.75 * variance**2 * TURN_S * seconds, 5.0 / 12.0 * variance**3 * TURN_S * seconds
+    x, y, z = force_e[0] - down * down_e[0], force_e[1] - down * down_e[1], force_e[2] - down * down_e[2]
+    level = x, y, z
+    aside = down_e[1] * z - down_e[2] * y, down_e[2] * x - down_e[0] * z, down_e[0] * y - down_e[1] * x
     for i in range(3):
         for j in range(3):
-            P[VEL + i, VEL + j] += density * (force_e[i] - down * down_e[i]) * (force_e[j] - down * down_e[j])
+            P[VEL + i, VEL + j] += along * level[i] * level[j] + across * aside[i] * aside[j]
 
 
 @kernel

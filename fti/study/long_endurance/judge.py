@@ -68,7 +68,10 @@ def _by_ground(values: Sequence[float]) -> Array:
 def _compare_beams(runs: Sequence[Tracks]) -> Iterator[StudyResult]:
     errors = {aid: np.array([run[UNIT, aid].rms(*OUTAGE_S) for run in runs]) for aid in AIDS}
     for aid, error in errors.items():
-        yield StudyResult.reported(f"T17.rms.{aid}", f"{NAMES[aid]}, RMS of the error in the outage [m]", rms(error))
+        bound = rms([rms(run[UNIT, aid].sd[run[UNIT, aid].inside(*OUTAGE_S)]) for run in runs])
+        words = f"{NAMES[aid]}, RMS of the error in the outage [m]; INS / filter / bound: "
+        words += f"{rms(errors['baro']):.3g} / {rms(error):.3g} / {bound:.3g} m"
+        yield StudyResult.reported(f"T17.rms.{aid}", words, rms(error))
     p = sign_test(int(np.sum(errors["9"] < errors["1"])), len(runs))
     yield StudyResult("T17.order", "p that 9 beams are not better than 1", p, f"< {LEVEL}", p < LEVEL)
 
