@@ -29,8 +29,9 @@ from fti.drivers import multibeam_altimeter as driver
 from fti.messages.measurements import BeamRange, DeviceStatus, Stamp, TimeScale
 from fti.messages.outputs import Event, TerrainFix
 from fti.nav.inertial_aiding import AidedNavigation
+from fti.nav.match_task import MatchTask
 from fti.nav.terrain_matching.fix import MatchFix
-from fti.nav.terrain_methods import BeamSearch, MatchTask
+from fti.nav.terrain_methods import BeamSearch
 from fti.nav.terrain_positioning import MAX_REACH_M
 from fti.nav.terrain_reference import Ground
 from fti.ranging.multibeam import beams_across

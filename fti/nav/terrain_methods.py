@@ -10,6 +10,10 @@
     closed_loop  of a radar: around the fix of ``profile`` ranges are predicted with the model of the configuration
                  (``[device.altimeter] model``) and the navigated attitude, and compared with the measured ones
 
+    point_mass   a sequential filter, sample by sample, that keeps its state from profile to profile: on a grid
+    particles    the same with particles; on a grid while the position is not within 1 km
+    marginalised the same with particles that estimate the velocity error
+
 A method is created once for a flight and gets one profile after the other, so it may keep a state.  Another method is
 one more entry of ``METHODS``; ``fti reprocess --compare-terrain-methods`` compares all of them on one flight.
 Source: Spiegel 2018, section 4.1 (matching), 4.5 (closed loop), 4.5.2 (five-point search).
@@ -29,11 +33,15 @@ import numpy as np
 from fti.arrays import Array
 from fti.config import Altimeter
 from fti.nav.altimetry.expected_range import make_radar_model
-from fti.nav.height_profile import HeightProfile, ProfileSamples
+from fti.nav.height_profile import ProfileSamples
+from fti.nav.match_task import MatchTask
 from fti.nav.separation.copies import largest_sd
+from fti.nav.sequential_methods import SequentialMethod
+from fti.nav.terrain_filters.point_mass import PointMassFilter
+from fti.nav.terrain_filters.terrain_filter import TerrainFilter
 from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
 from fti.nav.terrain_matching.beam_profile import BeamTrack, match_beams
-from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal, match, without_position
+from fti.nav.terrain_matching.fix import MatchFix, Refusal, match, without_position
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_matching.nearest_surface import RadarTrack, nearest_surface
 from fti.nav.terrain_matching.printed_metric import matching_covariance, mean_absolute_residual
@@ -60,28 +68,6 @@ FINE_STEPS = 10
 NODE_M, MARGIN_M = 6.0, 1.0
 #: Closed loop: largest shift from the first fix, in its sigmas, and limits of it [m].
 CLOSED_SIGMAS, MIN_CLOSED_M, MAX_CLOSED_M = 5.0, 30, 150
-
-
-@dataclass(frozen=True, eq=False)
-class MatchTask:
-    """A profile, and what is known before it is matched.
-
-    height_sd : one sigma of the navigated height [m];  reach_m : largest shift that is searched, each way [m]
-    """
-
-    heights: HeightProfile
-    height_sd: float
-    reach_m: float
-    limits: MatchLimits
-    priors: MatchPriors
-
-    def search_area(self) -> tuple[Profile, TerrainWindow, Lattice]:
-        """The profile, and the ground and the shifts to compare it with."""
-        return self.heights.search_area(self.height_sd, self.reach_m)
-
-    def solve(self, profile: Profile, window: TerrainWindow, lattice: Lattice) -> MatchFix:
-        """The fix by the likelihood."""
-        return match(window, profile, lattice, self.limits, self.priors)
 
 
 class TerrainMethod(Protocol):
@@ -235,6 +221,11 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
         "printed": MethodEntry("metric and covariance as printed in the source", lambda _: PrintedMetric()),
         "vertical": MethodEntry("range as height straight below, likelihood", lambda _: VerticalRange(), _RADAR),
         "closed_loop": MethodEntry("ranges predicted with the model of the altimeter", ClosedLoop, _RADAR),
+        "point_mass": MethodEntry("sequential: point-mass filter", lambda _: SequentialMethod(PointMassFilter)),
+        "particles": MethodEntry("sequential: particles", lambda _: SequentialMethod(TerrainFilter)),
+        "marginalised": MethodEntry(
+            "sequential: particles with a velocity error", lambda _: SequentialMethod(TerrainFilter, has_velocity=True)
+        ),
     }
 )
 

@@ -42,10 +42,11 @@ from fti.nav.height_profile import (
     range_of_beam,
     range_of_height,
 )
+from fti.nav.match_task import MatchTask
 from fti.nav.separation.copies import largest_sd
 from fti.nav.terrain_matching.acquisition import Acquisition
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal
-from fti.nav.terrain_methods import BEAMS, METHODS, MatchTask, TerrainObserver, name_in_flight
+from fti.nav.terrain_methods import BEAMS, METHODS, TerrainObserver, name_in_flight
 from fti.nav.terrain_reference import Ground
 
 if TYPE_CHECKING:

@@ -81,7 +81,8 @@ def test_methods_of_position_from_the_ground_are_compared(
     assert (again / "terrain_methods.png").read_bytes().startswith(b"\x89PNG")
     assert found["reference"] == "ground truth of the emulator"
     rows = {row["method"]: row for row in found["methods"]}
-    assert list(rows) == ["profile", "five_point", "printed", "vertical", "closed_loop"]
+    sequential = ["point_mass", "particles", "marginalised"]
+    assert list(rows) == ["profile", "five_point", "printed", "vertical", "closed_loop", *sequential]
     assert {row["profiles"] for row in rows.values()} == {4}
     assert rows["profile"]["valid"] == 4
     assert rows["profile"]["median_m"] < 20.0

@@ -24,9 +24,10 @@ from fti.nav.altimetry.compensation import mounting_of
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate
 from fti.nav.height_profile import HeightProfile, range_of_beam, range_of_height
+from fti.nav.match_task import MatchTask
 from fti.nav.source_interpolation import AttitudeState
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal
-from fti.nav.terrain_methods import METHODS, MatchTask, methods_for, poses_of
+from fti.nav.terrain_methods import METHODS, methods_for, poses_of
 from fti.nav.terrain_reference import Ground
 from fti.ranging.laser import Laser
 from fti.ranging.multibeam import MultiBeam, beams_across
@@ -42,6 +43,7 @@ SAMPLES, SPEED_MPS, CLEARANCE_M, MAX_BANK = 75, 60.0, 150.0, math.radians(15.0)
 #: True minus navigated position, east and north [m].
 SHIFT = np.array([-40.0, 25.0])
 BEAMS = beams_across(5)
+SEQUENTIAL = {"point_mass", "particles", "marginalised"}
 #: Of the altimeters with one beam.
 BIAS_M, SCALE = 3.0, 1.1
 ALTIMETERS = {
@@ -110,7 +112,7 @@ def fixes(kind: str) -> tuple[dict[str, MatchFix], dict[str, float]]:
 
 def test_methods_of_a_laser() -> None:
     found, errors = fixes("laser")
-    assert set(found) == {"profile", "five_point", "printed"}
+    assert set(found) == {"profile", "five_point", "printed", *SEQUENTIAL}
     assert max(errors.values()) < 2.0
     assert all(fix.is_usable for fix in found.values())
     # the printed covariance is that of the grid (docs/errata.md): +-150 m have 87 m for each axis
@@ -130,7 +132,7 @@ def test_the_better_a_radar_is_modelled_the_better_is_its_fix() -> None:
 
 def test_five_beams_determine_the_position_better_than_one() -> None:
     found, errors = fixes("multibeam")
-    assert set(found) == {"profile", "beams", "five_point", "printed"}
+    assert set(found) == {"profile", "beams", "five_point", "printed", *SEQUENTIAL}
     assert errors["beams"] < 1.0
     assert found["beams"].is_usable
     one, _ = fixes("laser")

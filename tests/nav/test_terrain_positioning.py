@@ -22,9 +22,9 @@ from fti.nav import terrain_positioning
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate
 from fti.nav.height_profile import ProfileSamples
+from fti.nav.match_task import MatchTask
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import AttitudeState
-from fti.nav.terrain_methods import MatchTask
 from fti.nav.terrain_positioning import TerrainPosition
 from fti.nav.terrain_reference import Ground
 from fti.ranging.multibeam import beams_across

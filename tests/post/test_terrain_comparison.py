@@ -34,7 +34,7 @@ from fti.post.terrain_comparison.report import as_json, as_text
 from fti.post.terrain_comparison.statistics import method_row, summarise
 from fti.study.ground_flights import relief
 from tests.helpers import ROOT
-from tests.nav.test_terrain_methods import SHIFT, task
+from tests.nav.test_terrain_methods import SEQUENTIAL, SHIFT, task
 
 MAP_SD_M = 3.0
 EXACT = np.zeros((2, 2))
@@ -209,8 +209,8 @@ def test_a_configuration_without_the_table_is_refused() -> None:
 @pytest.mark.parametrize(
     ("name", "in_flight", "others"),
     [
-        ("terrain_position", "profile", {"five_point", "printed", "vertical", "closed_loop"}),
-        ("terrain_position_beams", "beams", {"profile", "five_point", "printed"}),
+        ("terrain_position", "profile", {"five_point", "printed", "vertical", "closed_loop", *SEQUENTIAL}),
+        ("terrain_position_beams", "beams", {"profile", "five_point", "printed", *SEQUENTIAL}),
     ],
 )
 def test_every_method_that_applies_is_compared(name: str, in_flight: str, others: set[str]) -> None:

@@ -135,6 +135,10 @@ class PointMassFilter:
         )
         self._adapt()
 
+    def correct(self, east: float, north: float) -> None:
+        """The navigated position was changed by this [m]."""
+        self._corner = self._corner - (east, north)
+
     def estimate(self) -> ShiftEstimate:
         """Mean and covariance."""
         probability, axes = self._probability, self._axes()

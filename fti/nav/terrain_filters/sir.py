@@ -10,7 +10,7 @@ within this area; particles that are drawn from one share its area, and are move
 undetermined.  The first samples after the start are much more accurate than the distance between particles: without
 the area all but some of them would have no probability.  When the cloud has converged, the area is less than the drift.
 
-A cloud that covers less area needs fewer particles: one for each area of ``FINE_M``, at least ``min_particles``.
+A cloud that covers less area needs fewer particles: one for each area of ``fine_m``, at least ``min_particles``.
 
 The measurement is exchangeable: ``update`` takes a sample of a surface, which is the ground or a map of predicted
 ranges (navigated height minus range); ``weigh`` takes the predicted measurement of each particle.
@@ -36,8 +36,6 @@ from fti.nav.terrain_matching.window import TerrainWindow
 MIN_PARTICLES = 1000
 #: Share of the particles that must count; below, new ones are drawn.
 MIN_COUNTING = 0.5
-#: Side of the area for which a particle stands at most, if there are enough of them [m].
-FINE_M = 4.0
 #: Area of a Gaussian of covariance C: this times sqrt(det C) (exponential of its entropy).
 GAUSSIAN_AREA = 2.0 * math.pi * math.e
 #: Least area of a cloud over that of the Gaussian with its covariance: clouds with several narrow modes have less.
@@ -53,8 +51,8 @@ class ParticleFilter:
     Raises ValueError for a model with a velocity error: see ``MarginalisedFilter``.
     """
 
-    #: Their number when the cloud covers little.
-    min_particles = MIN_PARTICLES
+    #: Their number when the cloud covers little; a larger cloud has one for each area of this side [m].
+    min_particles, fine_m = MIN_PARTICLES, 4.0
 
     def __init__(
         self, model: DriftModel, particles: int = MIN_PARTICLES, seed: int = 0, cells: GridCells | None = None
@@ -106,6 +104,11 @@ class ParticleFilter:
         cloud[kernels.SLOPE_EAST] = cloud[kernels.SLOPE_NORTH] = 0.0
         self._update(sd, per_height)
 
+    def correct(self, east: float, north: float) -> None:
+        """The navigated position was changed by this [m]."""
+        self._cloud[kernels.EAST] -= east
+        self._cloud[kernels.NORTH] -= north
+
     def estimate(self) -> ShiftEstimate:
         """Mean and covariance."""
         cloud, probability = self._cloud, self._cloud[kernels.PROBABILITY]
@@ -127,7 +130,7 @@ class ParticleFilter:
 
     def _draw(self, covered: float) -> None:
         """Draw new particles, as many as the covered area [m^2] needs."""
-        number = min(max(math.ceil(covered / FINE_M**2), self.min_particles), self.particles)
+        number = min(max(math.ceil(covered / self.fine_m**2), self.min_particles), self.particles)
         if number < self.particles:
             self._spare = np.empty((kernels.ROWS, number))
         kernels.draw_particles(self._cloud, self._spare, kernels.normal_pairs(), self._seed)

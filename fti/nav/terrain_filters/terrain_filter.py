@@ -4,14 +4,16 @@
     within 1 km                     particles, 20,000 until few modes are left
     beyond                          point-mass filter; particles as soon as the position is within 1 km
 
-A model with a velocity error has no place on the grid of the point-mass filter: then there are more particles instead,
-as many for each area as within 1 km.  A filter that is lost (``recovery``) is replaced by one that starts from the
-navigated position with the uncertainty that it has without samples.
+A model with a velocity error has no place on the grid of the point-mass filter: then there are 5,000 and 40,000
+particles, and beyond 1 km as many for each area as within.  A filter that is lost (``recovery``) is replaced by one
+that starts from the navigated position with the uncertainty that it has without samples.
 """
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from fti.nav.terrain_filters.drift_model import DriftModel, ShiftEstimate
 from fti.nav.terrain_filters.height_sample import HeightSample
@@ -26,6 +28,8 @@ WITHIN_SIGMAS = math.sqrt(-2.0 * math.log(0.05))
 #: Particles for a position within a distance [m].
 NEAR_M, NEAR_PARTICLES = 300.0, 1000
 FAR_M, FAR_PARTICLES = 1000.0, 20_000
+#: The same of a model with a velocity error.
+NEAR_MARGINALISED, FAR_MARGINALISED = 5000, 40_000
 MAX_PARTICLES = 500_000
 
 
@@ -35,7 +39,7 @@ class TerrainFilter:
     def __init__(self, model: DriftModel, seed: int = 0) -> None:
         self._model, self._seed = model, seed
         self._age_s, self._restarts = 0.0, 0
-        self._test = ResidualTest()
+        self._test, self._corrected = ResidualTest(), np.zeros(2)
         self._form = make_filter(model, seed)
 
     @property
@@ -61,6 +65,11 @@ class TerrainFilter:
         elif self._test.add(self._form.residual_2):
             self._restart()
 
+    def correct(self, east: float, north: float) -> None:
+        """The navigated position was changed by this [m]."""
+        self._form.correct(east, north)
+        self._corrected += (east, north)
+
     def estimate(self) -> ShiftEstimate:
         """Mean and covariance."""
         return self._form.estimate()
@@ -73,6 +82,7 @@ class TerrainFilter:
         self._restarts += 1
         self._test.clear()
         self._form = make_filter(self._model.after(self._age_s), self._seed + self._restarts)
+        self._form.correct(*self._corrected.tolist())
 
 
 def make_filter(model: DriftModel, seed: int = 0) -> ParticleFilter | PointMassFilter:
@@ -80,6 +90,10 @@ def make_filter(model: DriftModel, seed: int = 0) -> ParticleFilter | PointMassF
     within_m = WITHIN_SIGMAS * model.position_sd
     if within_m > FAR_M and not model.has_velocity:
         return PointMassFilter(model)
-    form = MarginalisedFilter if model.has_velocity else ParticleFilter
-    number = NEAR_PARTICLES if within_m <= NEAR_M else math.ceil(FAR_PARTICLES * max(within_m / FAR_M, 1.0) ** 2)
-    return form(model, min(max(number, form.min_particles), MAX_PARTICLES), seed)
+    form, near, far = (
+        (MarginalisedFilter, NEAR_MARGINALISED, FAR_MARGINALISED)
+        if model.has_velocity
+        else (ParticleFilter, NEAR_PARTICLES, FAR_PARTICLES)
+    )
+    number = near if within_m <= NEAR_M else math.ceil(far * max(within_m / FAR_M, 1.0) ** 2)
+    return form(model, min(number, MAX_PARTICLES), seed)

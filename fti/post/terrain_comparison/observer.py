@@ -24,11 +24,12 @@ from fti.messages.outputs import HeightAboveGround, TerrainFix
 from fti.messages.reasons import Reason
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.position_mark import MarkedPosition, PositionMark
+from fti.nav.match_task import MatchTask
 from fti.nav.navigation import NavState
 from fti.nav.terrain_matching.acquisition import Acquisition
 from fti.nav.terrain_matching.fix import MatchFix, disagrees
 from fti.nav.terrain_matching.likelihood import Likelihood
-from fti.nav.terrain_methods import MatchTask, TerrainMethod, methods_for, name_in_flight
+from fti.nav.terrain_methods import TerrainMethod, methods_for, name_in_flight
 from fti.nav.terrain_positioning import MIN_DRIFT_MPS, aiding_of, complete_fix, drift_sd, refusal_reasons
 from fti.nav.terrain_reference import Ground
 from fti.post.score.truth_table import TruthTable

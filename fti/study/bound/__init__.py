@@ -1,10 +1,13 @@
 """Sequential terrain filters: their error over the posterior Cramer-Rao bound.
 
-Bergman 1999, chapters 4 and 5: a point-mass filter reaches the bound.  His map is not public: flights over fractal
-relief with posts of 10 m.  A run is a straight flight of 100 s at 60 m/s, with a height sample every second.  All
-errors are drawn from the model that the filter knows: position error at the start and its random walk, height error,
-noise of the altimeter.  Errors count after convergence, from 60 s on.  A start within 300 m (or 1 km) means that 95 %
-of the position errors at the start are smaller.
+Bergman 1999, chapters 4 and 5: point-mass and particle filters reach the bound.  His map is not public: flights over
+fractal relief with posts of 10 m.  A run is a straight flight of 100 s at 60 m/s, with a height sample every second.
+All errors are drawn from the model that the filter knows: position error at the start and its random walk, height
+error, noise of the altimeter.  Errors count after convergence, from 60 s on.  A start within 300 m (or 1 km) means that
+95 % of the position errors at the start are smaller.
+
+Filters: the point-mass filter; 1,000 and 20,000 particles for the two starts; the marginalised filter, whose navigated
+velocity is wrong as well.  Particle filters start again when they are lost (``TerrainFilter``).
 
     B   INS / filter / bound: RMS of the horizontal error, and the bound of it.  Filter over bound, pooled over the runs
         that are not lost: upper 95 % limit (bootstrap over runs) <= 1.25

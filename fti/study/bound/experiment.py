@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 
 from fti.arrays import Array
 from fti.nav.terrain_filters.bound import PosteriorBound
-from fti.nav.terrain_filters.drift_model import HEIGHT, SHIFT, DriftModel
+from fti.nav.terrain_filters.drift_model import HEIGHT, SHIFT, DriftModel, ShiftEstimate
 from fti.nav.terrain_filters.height_sample import HeightSample
 from fti.nav.terrain_filters.point_mass import PointMassFilter
+from fti.nav.terrain_filters.terrain_filter import TerrainFilter
 from fti.nav.terrain_matching.window import TerrainWindow
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
@@ -36,18 +38,45 @@ def random_walk(position_sd: float) -> DriftModel:
     return DriftModel(position_sd, HEIGHT_SD_M, POSITION_WALK, HEIGHT_WALK)
 
 
+def with_velocity(position_sd: float) -> DriftModel:
+    """A velocity error of 1 m/s, which grows by 0.02 m/s/sqrt(s), and a position error by 0.5 m/sqrt(s)."""
+    return DriftModel(position_sd, HEIGHT_SD_M, 0.5 * POSITION_WALK, HEIGHT_WALK, 1.0, 0.02)
+
+
+class SequentialFilter(Protocol):
+    """A filter of ``fti.nav.terrain_filters``."""
+
+    def predict(self, seconds: float) -> None:
+        """Time update."""
+
+    def update(self, window: TerrainWindow, sample: HeightSample) -> None:
+        """Measurement update."""
+
+    def estimate(self) -> ShiftEstimate:
+        """Mean and covariance."""
+
+
 @dataclass(frozen=True)
 class FilterCase:
-    """A filter with a start.  about : both in words"""
+    """A filter with a start.  about : both in words;  make : of a model and the seed of the run"""
 
     about: str
     model: DriftModel
+    make: Callable[[DriftModel, int], SequentialFilter] = TerrainFilter
+
+
+def _point_mass(model: DriftModel, _: int) -> PointMassFilter:
+    return PointMassFilter(model)
 
 
 CASES: Mapping[str, FilterCase] = MappingProxyType(
     {
-        "point_mass.300": FilterCase("point-mass filter, start within 300 m", random_walk(WITHIN_300_M)),
-        "point_mass.1000": FilterCase("point-mass filter, start within 1 km", random_walk(WITHIN_1_KM)),
+        "point_mass.300": FilterCase("point-mass filter, start within 300 m", random_walk(WITHIN_300_M), _point_mass),
+        "point_mass.1000": FilterCase("point-mass filter, start within 1 km", random_walk(WITHIN_1_KM), _point_mass),
+        "particles.300": FilterCase("1,000 particles, start within 300 m", random_walk(WITHIN_300_M)),
+        "particles.1000": FilterCase("20,000 particles, start within 1 km", random_walk(WITHIN_1_KM)),
+        "marginalised.300": FilterCase("5,000 particles, velocity error, 300 m", with_velocity(WITHIN_300_M)),
+        "marginalised.1000": FilterCase("40,000 particles, velocity error, 1 km", with_velocity(WITHIN_1_KM)),
     }
 )
 
@@ -95,12 +124,12 @@ def fly(seed: int) -> dict[str, FilterRun]:
 
 def track(name: str, seed: int) -> FilterTrack:
     """A flight of a case; the same seed has the same ground and course, and the same errors in units of their sigma."""
-    model, rng = CASES[name].model, np.random.default_rng([seed, 1])
+    case, rng = CASES[name], np.random.default_rng([seed, 1])
     terrain, course = ground(seed // RUNS_PER_GROUND), rng.uniform(0.0, math.tau)
     layer, direction = terrain.finest, np.array([math.sin(course), math.cos(course)])
     window = TerrainWindow(layer.heights, layer.cell_m, layer.east0, layer.north0)
-    states = _errors(model, rng)
-    tracked, bound = PointMassFilter(model), PosteriorBound(model)
+    states = _errors(case.model, rng)
+    tracked, bound = case.make(case.model, seed), PosteriorBound(case.model)
     rows = []
     for number, state in enumerate(states):
         if number:

@@ -17,9 +17,11 @@ def errors(seed: int) -> Figure:
         "Sequential terrain filters at the posterior Cramer-Rao bound",
         f"RMS of the horizontal error over {FLIGHTS} flights. Errors right of the line are judged.",
         width=10.5,
+        height=9.0,
     )
     t = PERIOD_S * np.arange(SAMPLES)
-    for axes, (name, case) in zip(figure.subplots(1, len(CASES), sharey=True), CASES.items(), strict=True):
+    grid = figure.subplots(len(CASES) // 2, 2, sharex=True, sharey=True)
+    for axes, (name, case) in zip(grid.flat, CASES.items(), strict=True):
         flights = [track(name, seed + number) for number in range(FLIGHTS)]
         for part, colour, label in (("inertial", GREY, "INS"), ("error", BLUE, "filter"), ("bound", BLACK, "bound")):
             squares = np.mean([getattr(flight, part) for flight in flights], axis=0)

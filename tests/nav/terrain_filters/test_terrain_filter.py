@@ -35,7 +35,7 @@ def test_the_form_follows_the_uncertainty(sd: float, expected: int) -> None:
 
 def test_with_a_velocity_error_there_are_always_particles() -> None:
     numbers = [TerrainFilter(DriftModel(sd, 5.0, 1.0, velocity_sd=1.0)).particles for sd in (122.0, 408.0, 1634.0)]
-    assert numbers == [5000, 20_000, 319_939]
+    assert numbers == [5000, 40_000, 500_000]
 
 
 def test_far_off_it_finds_the_position_and_goes_on_with_particles() -> None:
