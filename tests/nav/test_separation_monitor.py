@@ -9,9 +9,17 @@ import numpy as np
 import pytest
 
 from fti.nav.filter.innovation_gate import GateDecision
-from fti.nav.separation.copies import Separation
+from fti.nav.separation.copies import FilterCopy, Separation
 from fti.nav.separation.copy_ring import CopyRing, RingSettings
-from fti.nav.separation.monitor import HORIZONTAL_AXES, K_FA, K_FA_SATELLITES, SETTLE_NS, Refusals, SeparationMonitor
+from fti.nav.separation.monitor import (
+    DOWN_AXIS,
+    HORIZONTAL_AXES,
+    K_FA,
+    K_FA_SATELLITES,
+    SETTLE_NS,
+    Refusals,
+    SeparationMonitor,
+)
 
 SECOND_NS = 10**9
 
@@ -19,14 +27,19 @@ SECOND_NS = 10**9
 class Shown(CopyRing):
     """A ladder whose one copy differs from the filter by a ratio; counts its renewals."""
 
-    def __init__(self) -> None:
+    def __init__(self, heading_sd: float = 0.0) -> None:
         super().__init__(frozenset(), frozenset(), RingSettings(4, SECOND_NS))
         self.ratio = 0.0
         self.renewals = 0
+        estimate: Any = None
+        self.copies.append(FilterCopy(0, estimate, {}, frozenset(), heading_sd=heading_sd))
 
     def separations(self, now: Any) -> list[Separation]:
-        d, ones = np.array([self.ratio, 0.0, 0.0, 0.0, 0.0, 0.0]), np.ones(6)
+        d, ones = np.array([self.ratio, 0.0, self.ratio, 0.0, 0.0, 0.0]), np.ones(6)
         return [Separation(d, ones, ones, (self.ratio, 0.0), 1.0)]
+
+    def clear(self) -> None:
+        """Keep the copy."""
 
     def renew(self, now: Any, *, keep_oldest: bool = False) -> None:
         self.renewals += 1
@@ -49,9 +62,40 @@ def test_a_class_has_a_limit_of_its_own_and_all_are_renewed_below_the_same(
     monitor = SeparationMonitor(copy_ring, HORIZONTAL_AXES, k_fa)
     for k, shown in enumerate((0.0, ratio)):
         copy_ring.ratio = shown
-        moment: Any = SimpleNamespace(estimate=SimpleNamespace(t_ns=k * 2 * SETTLE_NS))
-        monitor.follow(moment, may_renew=k > 0)
+        monitor.follow(moment_at(k * 2 * SETTLE_NS), may_renew=k > 0)
     assert (monitor.is_suspected, copy_ring.renewals == 1) == (is_suspected, is_renewed)
+
+
+def moment_at(t_ns: int, heading_sd: float = 0.0) -> Any:
+    return SimpleNamespace(estimate=SimpleNamespace(t_ns=t_ns, rpy_sd=(0.0, 0.0, heading_sd)))
+
+
+@pytest.mark.parametrize(
+    ("copy_deg", "filter_deg", "axes", "is_suspected"),
+    [
+        (40.0, 39.0, HORIZONTAL_AXES, True),  # straight on: neither knows it
+        (40.0, 5.0, HORIZONTAL_AXES, False),  # the filter has found it in a turn
+        (40.0, 5.0, DOWN_AXIS, True),
+        (4.0, 2.0, HORIZONTAL_AXES, True),  # certain enough for a linear effect
+    ],
+)
+def test_a_copy_whose_heading_was_lost_does_not_count_after_the_filter_has_found_it(
+    copy_deg: float, filter_deg: float, axes: tuple[int, ...], is_suspected: bool
+) -> None:
+    copy_ring = Shown(np.radians(copy_deg))
+    monitor = SeparationMonitor(copy_ring, axes)
+    copy_ring.ratio = 6.0
+    monitor.follow(moment_at(2 * SETTLE_NS, float(np.radians(filter_deg))), may_renew=True)
+    assert monitor.is_suspected == is_suspected
+
+
+def test_its_gate_does_not_count_either() -> None:
+    copy_ring = Shown(np.radians(40.0))
+    monitor = SeparationMonitor(copy_ring, HORIZONTAL_AXES)
+    copy_ring.copies[0].outside_ns, copy_ring.copies[0].times = 0, 100
+    for heading_deg, is_faulty in ((39.0, True), (5.0, False)):
+        monitor.follow(moment_at(2 * SETTLE_NS, float(np.radians(heading_deg))), may_renew=False)
+        assert (monitor.find(2 * SETTLE_NS, Refusals()) is not None) == is_faulty
 
 
 def refusals_of(**innovations: tuple[GateDecision, list[float]]) -> tuple[Refusals, Any]:

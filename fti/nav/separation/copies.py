@@ -8,6 +8,7 @@ Checked against: tests/nav/test_separation.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,12 +24,15 @@ from fti.nav.filter.segment import AidingEntry, Moment, Piece
 
 #: The sigma of d is at least this share of that of the filter: P_i - P_0 of a new copy is rounding error.
 MIN_SHARE = 0.1
+#: A heading that is less certain is lost [rad]; the filter has found it if its sigma has decreased by this factor.
+MIN_LOST_HEADING, HEADING_FOUND = math.radians(5.0), 1.5
 
 
 @dataclass(slots=True)
 class FilterCopy:
     """The filter as it was at ``began_ns``, continued without the sources ``removed_names`` (names of ``Aiding``).
 
+    heading_sd : one sigma of the heading at ``began_ns`` [rad]; 0: as certain as that of the filter
     outside_ns, times : start and number of tested measurements outside its gate; None: inside
     """
 
@@ -36,13 +40,15 @@ class FilterCopy:
     estimate: Estimate
     gate_states: GateStates
     removed_names: frozenset[str]
+    heading_sd: float = 0.0
     outside_ns: int | None = None
     times: int = 0
 
     @classmethod
     def begin(cls, moment: Moment, removed_names: frozenset[str]) -> FilterCopy:
         """A copy of the filter at a moment."""
-        return cls(moment.estimate.t_ns, moment.estimate, moment.gate_states, removed_names)
+        estimate = moment.estimate
+        return cls(estimate.t_ns, estimate, moment.gate_states, removed_names, heading_sd=estimate.rpy_sd[2])
 
     def advance(self, pieces: Iterable[Piece], tested_names: frozenset[str] = frozenset()) -> None:
         """Follow the filter through a segment.  tested_names : those of ``removed_names`` that are tested against it"""
@@ -59,6 +65,13 @@ class FilterCopy:
                     self.estimate, self.gate_states = update.estimate, update.gate_states
                 elif entry.aiding.name in tested_names and entry.decision is not GateDecision.EXCLUDED:
                     self._compare(entry)
+
+    def shows_faults(self, filtered: Estimate) -> bool:
+        """Whether a separation from the filter shows a fault of the sources.
+
+        False if the filter has found an uncertain heading in a turn since: the effect on the copy is not linear.
+        """
+        return self.heading_sd < max(MIN_LOST_HEADING, HEADING_FOUND * filtered.rpy_sd[2])
 
     def _compare(self, entry: AidingEntry) -> None:
         matrices = entry.aiding.compute_matrices(self.estimate)

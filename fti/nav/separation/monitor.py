@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fti.arrays import Array
+from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import GateDecision
 from fti.nav.filter.segment import FilterSegment, Moment
 from fti.nav.separation.copies import FilterCopy, Separation
@@ -76,6 +77,7 @@ class SeparationMonitor:
         self._suspected_ns: int | None = None
         self._calm_ns: int | None = None  # d was last within its sigma
         self._settled_ns: int | None = None  # copies begin then
+        self._outside_ns: int | None = None  # sources are outside the gate of the oldest copy since then
         self.ratio = 0.0
         self._worst = (0, 0)  # copy and axis of the largest ratio
 
@@ -96,7 +98,7 @@ class SeparationMonitor:
         t_ns = segment_end.estimate.t_ns
         self.separations = self.copy_ring.separations(segment_end)
         if is_comparable:
-            self._find_largest()
+            self._find_largest(segment_end.estimate)
         if self.ratio < 1.0:
             self._calm_ns = t_ns
         if self.ratio <= self.k_fa:
@@ -104,21 +106,27 @@ class SeparationMonitor:
         elif self._suspected_ns is None:
             self._suspected_ns = t_ns
         oldest = self.copy_ring.oldest
-        is_outside = oldest is not None and oldest.outside_ns is not None
+        self._outside_ns = oldest.outside_ns if oldest and self._is_used(oldest, segment_end.estimate) else None
         if self._settled_ns is None:
             self._settled_ns = t_ns + SETTLE_NS
-        if t_ns >= self._settled_ns and self.ratio < HALF_K_FA and may_renew and not is_outside:
+        if t_ns >= self._settled_ns and self.ratio < HALF_K_FA and may_renew and self._outside_ns is None:
             self.copy_ring.renew(segment_end, keep_oldest=keep_oldest)
 
-    def _find_largest(self) -> None:
+    def _find_largest(self, filtered: Estimate) -> None:
         self.ratio = 0.0
-        for number, separation in enumerate(self.separations):
+        for number, (copy, separation) in enumerate(zip(self.copy_ring.copies, self.separations, strict=True)):
+            if not self._is_used(copy, filtered):
+                continue
             ratios = separation.ratios.tolist()
             for first, ratio in zip(LEVEL_AXES, separation.level_ratios, strict=True):  # both axes in any direction
                 ratios[first if ratios[first] > ratios[first + 1] else first + 1] = ratio
             axis = max(self.axes, key=ratios.__getitem__)
             if ratios[axis] > self.ratio:
                 self.ratio, self._worst = ratios[axis], (number, axis)
+
+    def _is_used(self, copy: FilterCopy, filtered: Estimate) -> bool:
+        """Whether a copy counts; its heading does not change its height."""
+        return self.axes == [*DOWN_AXIS] or copy.shows_faults(filtered)
 
     def find(self, t_ns: int, refusals: Refusals) -> SourceFault | None:
         """Why the class is faulty; None while it is not."""
@@ -129,9 +137,10 @@ class SeparationMonitor:
             return None
         if self._suspected_ns is not None and t_ns - self._suspected_ns >= HOLD_NS:
             return SourceFault(self._calm_ns or self._suspected_ns, self.describe(), oldest, False, self._sizes())
-        if oldest.outside_ns is not None and t_ns - oldest.outside_ns >= REFUSED_NS and oldest.times >= REFUSED_COUNT:
+        outside_ns = self._outside_ns
+        if outside_ns is not None and t_ns - outside_ns >= REFUSED_NS and oldest.times >= REFUSED_COUNT:
             text = f"outside the gate of the filter without it for {(t_ns - oldest.began_ns) * 1e-9:.0f} s"
-            return SourceFault(oldest.outside_ns, text, oldest, False, self._sizes())
+            return SourceFault(outside_ns, text, oldest, False, self._sizes())
         return None
 
     def _sizes(self) -> dict[str, float]:
