@@ -81,6 +81,8 @@ def test_results_name_the_look_angles() -> None:
     results: dict[str, StudyResult] = {result.id: result for result in judge([run(rng, 1.5) for _ in range(5)])}
     assert "deg; the last" in results["T23.look"].quantity
     assert results["T23.share"].value == 1.0
+    assert {type(result.holds) for result in results.values()} == {bool}
+    assert {type(result.value) for result in results.values()} == {float}
 
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

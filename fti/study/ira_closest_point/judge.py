@@ -83,7 +83,8 @@ def _conventional(runs: Sequence[CrabRun]) -> list[StudyResult]:
     low, _ = ratio_interval(found[:, -1], found[:, 0], np.random.default_rng(len(runs)))
     words = f"RMS with a crab of 10 deg over 0 deg, conventional form, {len(runs)} runs"
     trend, other = (
-        page_trend_test(squares(runs, m, JUDGED_M)).pvalue for m in (PointMethod.CONVENTIONAL, PointMethod.PROPOSED)
+        float(page_trend_test(squares(runs, form, JUDGED_M)).pvalue)
+        for form in (PointMethod.CONVENTIONAL, PointMethod.PROPOSED)
     )
     return [
         StudyResult.at_least("T24.conventional", words, pooled_ratio(found[:, -1], found[:, 0]), MIN_CONVENTIONAL),
