@@ -62,7 +62,7 @@ lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv (https://docs.astral.sh/uv) on the path" >&2; exit 2; }
 	uv pip compile pyproject.toml --universal --generate-hashes --no-header --extra test --output-file requirements.lock
 	uv pip compile pyproject.toml --universal --generate-hashes --no-header --extra bench \
-		--constraint requirements.lock --output-file requirements-bench.lock
+		--constraint requirements.lock --override packaging/bench-overrides.txt --output-file requirements-bench.lock
 	for python in 3.11 3.12 3.13; do for machine in x86_64 aarch64; do \
 		uv pip compile pyproject.toml --quiet --only-binary :all: --python-version $$python \
 			--python-platform $$machine-manylinux_2_28 >/dev/null || exit 1; \
@@ -94,5 +94,5 @@ $(BESIDE): $(READY) requirements-bench.lock
 	@set -e; \
 	echo "Installing what the benchmarks stand beside (Embree, Open3D; once, some minutes) ..."; \
 	if $(BIN)/python -m pip --version >/dev/null 2>&1; then python=$(BIN)/python; else python=$(firstword $(CANDIDATES)); fi; \
-	"$$python" packaging/pip_install.py $(BIN)/python --require-hashes --requirement requirements-bench.lock; \
+	"$$python" packaging/pip_install.py $(BIN)/python --no-deps --require-hashes --requirement requirements-bench.lock; \
 	touch $@

@@ -59,7 +59,10 @@ class MarginalisedFilter(ParticleFilter):
         model, known = self._model, self._velocity_variance
         variance = model.position_walk**2 * seconds + known * seconds**2
         gain = known * seconds / variance if variance > 0.0 else 0.0
-        self._drift(seconds, math.sqrt(variance), gain)
+        velocities = self._cloud[kernels.VELOCITY_EAST : kernels.VELOCITY_NORTH + 1]
+        self._cloud[kernels.EAST : kernels.NORTH + 1] += seconds * velocities
+        self._drift(seconds, math.sqrt(variance))
+        velocities += gain * self._cloud[kernels.SLOPE_EAST : kernels.SLOPE_NORTH + 1]  # the change of the shift
         self._velocity_variance += model.velocity_walk**2 * seconds - gain * seconds * known
 
     def _draw(self, covered: float) -> None:

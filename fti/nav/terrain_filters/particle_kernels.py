@@ -1,9 +1,11 @@
-"""Compiled steps of the particle filters: drift, likelihood of a sample, resampling.
+"""Compiled steps of the particle filters: drift, and likelihood of a sample.
 
 A cloud is an array of shape (ROWS, n): one column for each particle, one row for each of its numbers.  Random numbers
 are those of the generator splitmix64, whose state is an array of one number, so a filter repeats itself exactly.
 
-Source: Arulampalam et al. 2002 (SIR filter, systematic resampling); Musso, Oudjane, LeGland 2001 (regularisation).
+Loops without a sum are functions of their own: the compiler turns these into vector instructions.
+
+Source: Arulampalam et al. 2002 (SIR filter).
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their arrays by position
@@ -22,20 +24,21 @@ from fti.kernel import kernel
 
 Seed = NDArray[np.uint64]
 
-#: Shift [m]; mean and variance of the height error [m, m^2]; mean of the velocity error [m/s].
-EAST, NORTH, MEAN, VARIANCE, VELOCITY_EAST, VELOCITY_NORTH = range(6)
+#: Shift [m]; mean and variance of the height error [m, m^2].
+EAST, NORTH, MEAN, VARIANCE = range(4)
 #: Area of the shift for which a particle stands [m^2]; its probability.
-AREA, PROBABILITY = range(6, 8)
-#: Of the last sample: residual and its variance [m, m^2], slope of the predicted measurement by the shift.
-RESIDUAL, TOTAL, SLOPE_EAST, SLOPE_NORTH = range(8, 12)
-ROWS = 12
-#: Rows that a particle keeps when it is drawn.
-KEPT = 6
+AREA, PROBABILITY = 4, 5
+#: Of the last sample: residual and its variance [m, m^2], slope of the predicted measurement by the shift; likelihood.
+RESIDUAL, TOTAL, SLOPE_EAST, SLOPE_NORTH, LIKELIHOOD = range(6, 11)
+#: Mean of the velocity error [m/s].
+VELOCITY_EAST, VELOCITY_NORTH = 11, 12
+ROWS = 13
 #: Variance of each axis of a square over its area.
 SQUARE = 1.0 / 12.0
 
-#: Pairs of standard normal numbers; a step begins at a random one and turns all of them by a random angle.
-NORMAL_PAIRS = 1 << 17
+#: Pairs of standard normal numbers.  Each block of particles uses as many of them, from a random one on, all turned by
+#: a random angle.
+NORMAL_PAIRS, BLOCK = 1 << 17, 1 << 16
 
 
 @functools.cache
@@ -56,35 +59,41 @@ def uniform(seed: Seed) -> float:
 
 
 @kernel
-def draw_turn(seed: Seed) -> tuple[int, float, float]:
-    """First pair of a step, and cosine and sine of its turn."""
-    angle = 2.0 * math.pi * uniform(seed)
-    return int(uniform(seed) * NORMAL_PAIRS), math.cos(angle), math.sin(angle)
+def draw_normal(normal: Array, seed: Seed, east: Array, north: Array, sd: float) -> None:
+    """Sets normal numbers of a sigma, shape (n,) each.  normal : as ``normal_pairs``"""
+    for begin in range(0, len(east), BLOCK):
+        end = min(begin + BLOCK, len(east))
+        angle, first = 2.0 * math.pi * uniform(seed), int(uniform(seed) * (NORMAL_PAIRS - BLOCK))
+        a, b = normal[0, first : first + end - begin], normal[1, first : first + end - begin]
+        turn(a, b, sd * math.cos(angle), sd * math.sin(angle), east[begin:end], north[begin:end])
 
 
 @kernel
-def drift_particles(
-    cloud: Array, normal: Array, seed: Seed, seconds: float, sd: float, gain: float, height_variance: float
-) -> None:
-    """Time update.
+def turn(a: Array, b: Array, cosine: float, sine: float, east: Array, north: Array) -> None:
+    """Sets the numbers a and b turned, shape (n,) each."""
+    for i in range(len(a)):
+        east[i] = cosine * a[i] - sine * b[i]
+        north[i] = sine * a[i] + cosine * b[i]
 
-    normal : as ``normal_pairs``;  sd : one sigma of the change of the shift that a particle does not know, of each axis
-    gain   : of the velocity error by that change [1/s]
-    height_variance : growth of the variance of the height error [m^2]
+
+@kernel
+def drift_particles(cloud: Array, normal: Array, seed: Seed, sd: float, height_variance: float) -> None:
+    """Time update without a velocity error; the change of the shift remains in the rows of the slope.
+
+    sd : one sigma of the change of the shift, of each axis [m];  height_variance : growth of that of the height error
     """
-    first, cosine, sine = draw_turn(seed)
-    count = cloud.shape[1]
-    east, north, speed_east, speed_north = cloud[EAST], cloud[NORTH], cloud[VELOCITY_EAST], cloud[VELOCITY_NORTH]
-    variance = cloud[VARIANCE]
-    for i in range(count):
-        at = (first + i) & (NORMAL_PAIRS - 1)
-        change_east = sd * (cosine * normal[0, at] - sine * normal[1, at])
-        change_north = sd * (sine * normal[0, at] + cosine * normal[1, at])
-        east[i] += seconds * speed_east[i] + change_east
-        north[i] += seconds * speed_north[i] + change_north
-        speed_east[i] += gain * change_east
-        speed_north[i] += gain * change_north
-        variance[i] += height_variance
+    east, north = cloud[SLOPE_EAST], cloud[SLOPE_NORTH]
+    draw_normal(normal, seed, east, north, sd)
+    add(cloud[EAST], east)
+    add(cloud[NORTH], north)
+    cloud[VARIANCE] += height_variance
+
+
+@kernel
+def add(values: Array, change: Array) -> None:
+    """Adds a change to values, shape (n,) each."""
+    for i in range(len(values)):
+        values[i] += change[i]
 
 
 @kernel
@@ -94,18 +103,21 @@ def predict_heights(cloud: Array, heights: Array, column: float, row: float, cel
     heights : posts, shape (north, east) [m];  column, row : navigated position in the posts;  cell_m : between posts
     ground  : of the sample [m]
     """
+    east, north, mean = cloud[EAST], cloud[NORTH], cloud[MEAN]
+    residual, slope_east, slope_north = cloud[RESIDUAL], cloud[SLOPE_EAST], cloud[SLOPE_NORTH]
     last_row, last_column = heights.shape[0] - 1, heights.shape[1] - 1
-    per_m = 1.0 / cell_m
+    per_m, one = 1.0 / cell_m, np.uint64(1)
     for i in range(cloud.shape[1]):
-        x, y = column + per_m * cloud[EAST, i], row + per_m * cloud[NORTH, i]
+        x, y = column + per_m * east[i], row + per_m * north[i]
         if not (0.0 <= x < last_column and 0.0 <= y < last_row):
-            cloud[RESIDUAL, i] = np.nan
+            residual[i] = np.nan
             continue
-        at, over = int(x), int(y)
-        corners = (heights[over, at], heights[over, at + 1], heights[over + 1, at], heights[over + 1, at + 1])
-        up, by_column, by_row = bilinear(corners, x - at, y - over)
-        cloud[RESIDUAL, i] = ground - up - cloud[MEAN, i]
-        cloud[SLOPE_EAST, i], cloud[SLOPE_NORTH, i] = per_m * by_column, per_m * by_row
+        west, south = np.int32(x), np.int32(y)
+        at, over = np.uint64(west), np.uint64(south)  # not negative: no look-up from the end of an axis
+        corners = (heights[over, at], heights[over, at + one], heights[over + one, at], heights[over + one, at + one])
+        up, by_column, by_row = bilinear(corners, x - west, y - south)
+        residual[i] = ground - up - mean[i]
+        slope_east[i], slope_north[i] = per_m * by_column, per_m * by_row
 
 
 @kernel
@@ -117,103 +129,91 @@ def weigh_particles(cloud: Array, noise: float, factor: float) -> tuple[float, f
               of the sample's residual over its variance as all particles together predict it.  NaN if none is over
               known ground: then nothing is changed
     """
-    count = cloud.shape[1]
     probability, residual, total = cloud[PROBABILITY], cloud[RESIDUAL], cloud[TOTAL]
-    mean, variance, area = cloud[MEAN], cloud[VARIANCE], cloud[AREA]
+    likelihood, area = cloud[LIKELIHOOD], cloud[AREA]
+    set_totals(total, cloud[SLOPE_EAST], cloud[SLOPE_NORTH], area, cloud[VARIANCE], factor * factor, noise)
+    set_squares(likelihood, residual, total)
     least, known, first, second = np.inf, 0.0, 0.0, 0.0
-    for i in range(count):
-        r = residual[i]
-        if math.isnan(r):
-            continue
-        slope_2 = cloud[SLOPE_EAST, i] * cloud[SLOPE_EAST, i] + cloud[SLOPE_NORTH, i] * cloud[SLOPE_NORTH, i]
-        total[i] = factor * factor * variance[i] + noise + SQUARE * area[i] * slope_2
-        least = min(least, r * r / total[i])
-        known += probability[i]
-        first += probability[i] * r
-        second += probability[i] * (r * r + total[i])
+    for i in range(len(residual)):
+        if not math.isnan(residual[i]):
+            least = min(least, likelihood[i])
+            known += probability[i]
+            first += probability[i] * residual[i]
+            second += probability[i] * (residual[i] * residual[i] + total[i])
     if known <= 0.0:
         return math.nan, math.nan, math.nan
-    weighted = 0.0
-    for i in range(count):
-        r = residual[i]
-        if not math.isnan(r):
-            probability[i] *= math.exp(0.5 * (least - r * r / total[i])) / math.sqrt(total[i])
-            weighted += probability[i]
-            gain = factor * variance[i] / total[i]
-            mean[i] += gain * r
-            variance[i] -= gain * factor * variance[i]
-    unknown, summed = weighted / known, 0.0
-    for i in range(count):
-        if math.isnan(residual[i]):
-            probability[i] *= unknown
+    set_likelihoods(likelihood, total, least)
+    update_heights(cloud[MEAN], cloud[VARIANCE], residual, total, factor)
+    counting, covered = multiply_probabilities(probability, likelihood, residual, area, known)
+    first, second = first / known, second / known
+    return counting, covered, first * first / (second - first * first)
+
+
+@kernel
+def set_totals(
+    total: Array, slope_east: Array, slope_north: Array, area: Array, variance: Array, factor_2: float, noise: float
+) -> None:
+    """Sets the variances of the residuals, which contain the height that changes within the area of a particle."""
+    for i in range(len(total)):
+        slope_2 = slope_east[i] * slope_east[i] + slope_north[i] * slope_north[i]
+        total[i] = factor_2 * variance[i] + noise + SQUARE * area[i] * slope_2
+
+
+@kernel
+def set_squares(squares: Array, residual: Array, total: Array) -> None:
+    """Sets residual^2 over variance."""
+    for i in range(len(total)):
+        squares[i] = residual[i] * residual[i] / total[i]
+
+
+@kernel
+def set_likelihoods(squares: Array, total: Array, least: float) -> None:
+    """Replaces the squares by likelihoods, over that of the least square."""
+    for i in range(len(total)):
+        squares[i] = exp_of_negative(0.5 * (least - squares[i])) / math.sqrt(total[i])
+
+
+@kernel
+def exp_of_negative(x: float) -> float:
+    """Exponential of a number that is not positive: exp(x / 1024)^1024; relative error below 1e-8 down to -80."""
+    y = max(x, -700.0) / 1024.0
+    power = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (1.0 / 120.0 + y / 720.0)))))
+    for _ in range(10):
+        power *= power
+    return power
+
+
+@kernel
+def update_heights(mean: Array, variance: Array, residual: Array, total: Array, factor: float) -> None:
+    """Updates mean and variance of the height error where the residual is known."""
+    for i in range(len(mean)):
+        gain = factor * variance[i] / total[i]
+        change = gain * residual[i]
+        is_known = change == change  # noqa: PLR0124 - not NaN
+        mean[i] += change if is_known else 0.0
+        variance[i] -= gain * factor * variance[i] if is_known else 0.0
+
+
+@kernel
+def multiply_probabilities(
+    probability: Array, likelihood: Array, residual: Array, area: Array, known: float
+) -> tuple[float, float]:
+    """Multiplies with the likelihood, unknown ones with the mean of the others; number that count, and their area.
+
+    known : sum of the probabilities whose residual is known
+    """
+    weighted = summed = 0.0
+    for i in range(len(probability)):
+        if not math.isnan(residual[i]):
+            weighted += probability[i] * likelihood[i]
+    unknown = weighted / known
+    for i in range(len(probability)):
+        probability[i] *= unknown if math.isnan(residual[i]) else likelihood[i]
         summed += probability[i]
     squares = covered = 0.0
-    for i in range(count):
-        probability[i] /= summed
+    scale = 1.0 / summed
+    for i in range(len(probability)):
+        probability[i] *= scale
         squares += probability[i] * probability[i]
-        covered += min(1.0, count * probability[i]) * area[i]
-    first, second = first / known, second / known
-    return 1.0 / squares, covered, first * first / (second - first * first)
-
-
-@kernel
-def draw_particles(cloud: Array, drawn: Array, normal: Array, seed: Seed) -> None:
-    """Systematic resampling: the drawn cloud has equal probabilities.
-
-    Particles of one origin share its area: they are moved as the middles of its parts are spread, and as the last
-    sample requires.  Along the slope of the ground the area is narrower, and displaced.
-    """
-    count = drawn.shape[1]
-    first, cosine, sine = draw_turn(seed)
-    threshold, step = uniform(seed) / count, 1.0 / count
-    origin, summed = 0, cloud[PROBABILITY, 0]
-    for i in range(count):
-        while summed < threshold and origin < cloud.shape[1] - 1:
-            origin += 1
-            summed += cloud[PROBABILITY, origin]
-        threshold += step
-        for row in range(KEPT):
-            drawn[row, i] = cloud[row, origin]
-        drawn[PROBABILITY, i] = step
-        parts = max(1.0, count * cloud[PROBABILITY, origin])
-        drawn[AREA, i] = cloud[AREA, origin] / parts
-        if parts > 1.0:
-            at, spread = (first + i) & (NORMAL_PAIRS - 1), SQUARE * (cloud[AREA, origin] - drawn[AREA, i])
-            east = cosine * normal[0, at] - sine * normal[1, at]
-            north = sine * normal[0, at] + cosine * normal[1, at]
-            east, north = move_within(cloud, origin, spread, east, north)
-            drawn[EAST, i] += east
-            drawn[NORTH, i] += north
-
-
-@kernel
-def move_within(cloud: Array, origin: int, spread: float, east: float, north: float) -> tuple[float, float]:
-    """Change of the shift of a particle that is drawn from an origin [m], by the last sample.
-
-    spread : variance of the change before the sample, of each axis [m^2];  east, north : standard normal numbers
-    """
-    root, residual = math.sqrt(spread), cloud[RESIDUAL, origin]
-    slope_east, slope_north = cloud[SLOPE_EAST, origin], cloud[SLOPE_NORTH, origin]
-    slope_2 = slope_east * slope_east + slope_north * slope_north
-    if math.isnan(residual) or slope_2 == 0.0:
-        return root * east, root * north
-    known = spread / cloud[TOTAL, origin]
-    narrower = (1.0 - math.sqrt(max(1.0 - known * slope_2, 0.0))) * (slope_east * east + slope_north * north) / slope_2
-    along = known * residual - root * narrower
-    return root * east + along * slope_east, root * north + along * slope_north
-
-
-@kernel
-def shift_moments(cloud: Array) -> tuple[float, float, float, float, float]:
-    """Mean of the shift east and north [m], and its variances and covariance [m^2]."""
-    east = north = 0.0
-    for i in range(cloud.shape[1]):
-        east += cloud[PROBABILITY, i] * cloud[EAST, i]
-        north += cloud[PROBABILITY, i] * cloud[NORTH, i]
-    east_2 = north_2 = across = 0.0
-    for i in range(cloud.shape[1]):
-        x, y = cloud[EAST, i] - east, cloud[NORTH, i] - north
-        east_2 += cloud[PROBABILITY, i] * x * x
-        north_2 += cloud[PROBABILITY, i] * y * y
-        across += cloud[PROBABILITY, i] * x * y
-    return east, north, east_2, north_2, across
+        covered += min(1.0, len(probability) * probability[i]) * area[i]
+    return 1.0 / squares, covered

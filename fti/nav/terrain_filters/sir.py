@@ -29,6 +29,7 @@ from fti.arrays import Array
 from fti.nav.terrain_filters import particle_kernels as kernels
 from fti.nav.terrain_filters.drift_model import DriftModel, ShiftEstimate
 from fti.nav.terrain_filters.height_sample import HeightSample
+from fti.nav.terrain_filters.particle_drawing import draw_particles, shift_moments
 from fti.nav.terrain_filters.point_mass import GridCells
 from fti.nav.terrain_matching.window import TerrainWindow
 
@@ -83,7 +84,7 @@ class ParticleFilter:
 
     def predict(self, seconds: float) -> None:
         """Time update."""
-        self._drift(seconds, self._model.position_walk * math.sqrt(seconds), 0.0)
+        self._drift(seconds, self._model.position_walk * math.sqrt(seconds))
 
     def update(self, window: TerrainWindow, sample: HeightSample) -> None:
         """Measurement update; a sample without known ground changes nothing."""
@@ -112,16 +113,16 @@ class ParticleFilter:
     def estimate(self) -> ShiftEstimate:
         """Mean and covariance."""
         cloud, probability = self._cloud, self._cloud[kernels.PROBABILITY]
-        east, north, east_2, north_2, across = kernels.shift_moments(cloud)
+        east, north, east_2, north_2, across = shift_moments(cloud)
         own = kernels.SQUARE * float(probability @ cloud[kernels.AREA])
         height = float(probability @ cloud[kernels.MEAN])
         variance = float(probability @ (cloud[kernels.VARIANCE] + (cloud[kernels.MEAN] - height) ** 2))
         cov = np.array([[east_2 + own, across], [across, north_2 + own]])
         return ShiftEstimate(np.array([east, north]), cov, height, math.sqrt(variance))
 
-    def _drift(self, seconds: float, sd: float, gain: float) -> None:
+    def _drift(self, seconds: float, sd: float) -> None:
         height_variance = self._model.height_walk**2 * seconds
-        kernels.drift_particles(self._cloud, kernels.normal_pairs(), self._seed, seconds, sd, gain, height_variance)
+        kernels.drift_particles(self._cloud, kernels.normal_pairs(), self._seed, sd, height_variance)
 
     def _update(self, sd: float, per_height: float) -> None:
         counting, covered, self._residual_2 = kernels.weigh_particles(self._cloud, sd**2, per_height)
@@ -133,9 +134,9 @@ class ParticleFilter:
         number = min(max(math.ceil(covered / self.fine_m**2), self.min_particles), self.particles)
         if number < self.particles:
             self._spare = np.empty((kernels.ROWS, number))
-        kernels.draw_particles(self._cloud, self._spare, kernels.normal_pairs(), self._seed)
+        draw_particles(self._cloud, self._spare, kernels.normal_pairs(), self._seed, self._model.has_velocity)
         self._cloud, self._spare = self._spare, self._cloud[:, :number]
-        _, _, east_2, north_2, across = kernels.shift_moments(self._cloud)
+        _, _, east_2, north_2, across = shift_moments(self._cloud)
         area = GAUSSIAN_AREA * math.sqrt(max(east_2 * north_2 - across**2, 0.0))
         areas = self._cloud[kernels.AREA]
         np.maximum(areas, MIN_AREA_SHARE * area / number, out=areas)

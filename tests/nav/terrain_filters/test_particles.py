@@ -11,7 +11,8 @@ from fti.arrays import Array
 from fti.nav.terrain_filters.drift_model import DriftModel
 from fti.nav.terrain_filters.height_sample import HeightSample
 from fti.nav.terrain_filters.marginalised import MarginalisedFilter
-from fti.nav.terrain_filters.particle_kernels import PROBABILITY
+from fti.nav.terrain_filters.particle_drawing import choose_origins
+from fti.nav.terrain_filters.particle_kernels import PROBABILITY, exp_of_negative
 from fti.nav.terrain_filters.point_mass import PointMassFilter
 from fti.nav.terrain_filters.sir import MIN_PARTICLES, ParticleFilter
 from fti.nav.terrain_matching.window import TerrainWindow
@@ -152,6 +153,21 @@ def test_it_begins_from_the_cells_of_a_grid() -> None:
     assert np.diag(found.cov) == pytest.approx(np.diag(expected.cov), rel=0.05)
     assert found.height_error == pytest.approx(expected.height_error, abs=0.05 * expected.height_sd)
     assert found.height_sd == pytest.approx(expected.height_sd, rel=0.05)
+
+
+def test_origins_are_those_of_the_cumulative_probability() -> None:
+    rng = np.random.default_rng(1)
+    for particles, count in ((1000, 1000), (5000, 1000), (7, 40)):
+        probability, start = rng.random(particles) ** 8, rng.random()
+        probability /= probability.sum()
+        expected = np.searchsorted(np.cumsum(probability), (np.arange(count) + start) / count)
+        assert (choose_origins(probability, count, start) == expected).all()
+
+
+def test_the_exponential_is_that_of_the_library() -> None:
+    for x in (0.0, -1e-9, -0.5, -12.0, -80.0):
+        assert exp_of_negative(x) == pytest.approx(math.exp(x), rel=1e-8)
+    assert 0.0 <= exp_of_negative(-1e9) < 1e-200
 
 
 def test_the_same_seed_gives_the_same_numbers() -> None:
