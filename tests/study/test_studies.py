@@ -28,6 +28,7 @@ LONG |= {
     "bound",
     "ground_watch",
     "ira_closest_point",
+    "ira_particle_filter",
     "long_endurance",
     "multibeam",
     "ppsan",

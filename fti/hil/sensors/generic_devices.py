@@ -17,6 +17,7 @@ from fti.hil.sensors.avionics import HeadingReference
 from fti.hil.sensors.base import SensorModel
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.imagers import ImagerModel, pixel_indices
+from fti.hil.sensors.interferometric import FIELDS, InterferometricModel
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
 
 PERIOD_S = 60.0
@@ -31,8 +32,9 @@ class FieldEncoder(Protocol):
 class GenericDevice:
     """Measures the quantities of its fields, each with the errors of the sensor that usually measures it.
 
-    Readings ``range_...`` are those of a range imager or scanner.  Any other reading has no truth in the flight: it
-    drifts around the middle of its limits, or around zero.
+    Readings ``range_...`` are those of a range imager or scanner, ``closest_range`` and ``look_angle`` those of an
+    interferometric altimeter.  Any other reading has no truth in the flight: it drifts around the middle of its
+    limits, or around zero.
     """
 
     rate_hz = 10.0
@@ -45,8 +47,11 @@ class GenericDevice:
         state = world.state(t)
         readings = {codec.field.name: codec.field for codec in codecs if not codec.quantity}
         ranges = {name: readings.pop(name).unit for name in pixel_indices(list(readings))}
+        points = {name: readings.pop(name).unit for name in FIELDS if name in readings}
         self._readings = {name: (field.unit, _drifting_values(field, t, rng)) for name, field in readings.items()}
         self._altimeters: list[SensorModel] = [ImagerModel(ranges, bound, world, t, rng)] if ranges else []
+        if points:
+            self._altimeters.append(InterferometricModel(points, bound, world, t, rng))
         if Range in kinds:
             self._altimeters.append(LaserAltimeterModel(bound, world, t, rng))
         if RadioHeight in kinds:

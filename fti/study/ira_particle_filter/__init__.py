@@ -1,0 +1,41 @@
+"""Interferometric altimeter in a particle filter: three measurements of the ground, and their bounds.
+
+Source 002 (Park), section V, fig. 4 to 7.  Its elevation is not public: flights over smooth and rough fractal ground
+(``experiment``), four runs over each ground.  The unit of every statistic is the ground; m tests have a level of 0.01/m
+each (sign test of the ground's mean squares).  RMS: of the horizontal error in the last 50 s.
+
+    T27   proposed below the radar altimeter, smooth and rough, and below it in the first 30 s from 100 m.  The radar
+          measures the nearest return of its beam, 40 deg wide; mean and sigma of this error are known to its filter
+          typical no better than a height straight below on rough ground: lower 95 % limit of the ratio >= 0.90
+    A     RMS and bound of every model in metres: reported
+    R     ratios to a height straight below with a sigma of 15 m, as the source simulates its radar, and of the proposed
+          to the typical model in the first 30 s from 100 m: reported.  The source finds both below 1
+
+The particles begin with the probability that the start error is drawn from; the source gives no start of its particles.
+The bound (Tichavsky) is that of the drawn noise.  The filters of the source assume more noise than the sensor has.
+"""
+
+from __future__ import annotations
+
+from fti.parallel_runs import Progress, run_all
+from fti.study import DrawFigure, StudyResult
+from fti.study.ira_particle_filter.experiment import RELIEF_M, RUNS_PER_GROUND, fly
+from fti.study.ira_particle_filter.judge import judge
+
+RUNS = 100
+SEED = 27
+
+
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
+    """``runs`` flights over each kind of ground."""
+    first = seed * RUNS_PER_GROUND
+    todo = [(kind, number) for kind in RELIEF_M for number in range(first, first + runs)]
+    found = run_all(fly, todo, progress)
+    return judge({kind: found[at * runs : (at + 1) * runs] for at, kind in enumerate(RELIEF_M)})
+
+
+def drawings(seed: int) -> dict[str, DrawFigure]:
+    """Errors and bounds over time."""
+    from fti.study.ira_particle_filter import plots
+
+    return {"errors": lambda: plots.errors(seed)}
