@@ -49,10 +49,9 @@ def not_held(**levels: float) -> set[str]:
 
 
 def test_a_judge_that_can_say_no() -> None:
-    below = {f"T27.{kind}.{start:.0f}.p" for kind in RELIEF_M for start in STARTS_M}
     assert not_held() == set()
-    assert not_held(proposed=80.0) == below
-    assert not_held(typical=25.0) == {"T27.typical.low"}
+    assert not_held(proposed=30.0) == {"T27.smooth.p", "T27.rough.p"}
+    assert not_held(nadir=24.0) == {"T27.smooth.p", "T27.rough.p"}
 
 
 def test_predicted_ranges_cover_the_corridor() -> None:
