@@ -48,9 +48,18 @@ def kernel(function: Kernel) -> Kernel:
 
     A kernel may call other kernels and functions in plain floats, which are compiled with it.
     """
+    return _compile(function, inlined=False)
+
+
+def inlined_kernel(function: Kernel) -> Kernel:
+    """A kernel that is compiled into each kernel that calls it: for small ones in the innermost loop."""
+    return _compile(function, inlined=True)
+
+
+def _compile(function: Kernel, *, inlined: bool) -> Kernel:
     for called in _called(function):
         _make_callable(called)
-    compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy")(function)
+    compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy", forceinline=inlined)(function)
     # numba checks only the file of the function itself: a change in a called kernel would not be detected.  It compares
     # the time, which some file systems round to seconds: then everything would be compiled again
     stamp = [(path, _digest(path)) for path in sorted(_files(compiled))]

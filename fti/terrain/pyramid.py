@@ -1,40 +1,29 @@
-"""Maxima of the surface over a tree of nodes, with which a ray skips the ground far below it.
+"""Upper bounds of the surface over a tree of nodes, with which a ray skips the ground below it.
 
 Each layer has a tree of its own.  A node of level 0 is one cell, a node of the next level 4 x 4 nodes of the one
-below.  Those sixteen are stored together: 64 bytes, one cache line.  Maxima are single precision, rounded up, so that a
-skip is never wrong; the surface itself stays double precision.
+below.  Sixteen of them are stored together.  The bound of a cell is its highest post: the maxima of sixteen cells are
+64 bytes, one cache line.  The bound of a higher node is a plane over all its posts, with their mean slope: a ray over
+a hillside skips more than with the maximum alone.  All are single precision, rounded up, so that a skip is never wrong;
+the surface itself stays double precision.
 
-A hole (a cell that touches an unknown post) has the maximum +inf: every ray above it descends to it.  Cells covered by
+A hole (a cell that touches an unknown post) has the bound +inf: every ray above it descends to it.  Cells covered by
 a finer layer have -inf: no ray does.
 
-Source: Tevs, Ihrke, Seidel 2008 (maximum mipmaps); the width of 4 and the layout are own choices.
+Source: Tevs, Ihrke, Seidel 2008 (maximum mipmaps); planes, the width of 4 and the layout are own choices.
 """
-
-# ruff: noqa: PLR0917 - compiled kernels take their scalars by position
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
-from numba.core import cgutils
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from fti.arrays import Array
 from fti.kernel import kernel
-from fti.terrain.surface import LAYER, Posts, Records, locate
-
-Maxima = NDArray[np.float32]
-
-_LINE_BYTES = 64
-
-#: A level of a layer's tree: index of its first maximum, and number of groups of 4 x 4 in a row.
-LEVEL = np.dtype([("start", np.int64), ("wide", np.int64)], align=True)
-#: A layer's tree: index of its first level, number of its last one, and the highest maximum [m].
-TREE = np.dtype([("first", np.int64), ("top", np.int64), ("highest", np.float64)], align=True)
+from fti.terrain.memory import LINE_BYTES, array_at, doubles_at, pointer
+from fti.terrain.pyramid_nodes import LEVEL, NODE, TREE, Maxima, fill_tree
+from fti.terrain.surface import LAYER, Posts, Records
 
 
 class PyramidAddresses(NamedTuple):
@@ -48,6 +37,7 @@ class PyramidAddresses(NamedTuple):
     heights: int
     layers: int
     maxima: int
+    nodes: int
     levels: int
     trees: int
     n_layers: int
@@ -58,7 +48,8 @@ class Pyramid(NamedTuple):
     """A surface for the ray caster.
 
     heights, layers : as in ``surface.Posts``
-    maxima          : (n,) [m]  of all nodes, level by level, groups of 16 row by row, each group row by row
+    maxima          : (n,) [m]  of the cells, layer by layer, groups of 16 row by row, each group row by row
+    nodes           : (m,)      records of ``NODE`` above them, layer by layer and level by level, in the same groups
     levels, trees   : records of ``LEVEL`` and ``TREE``
     addresses       : of these in memory
     """
@@ -66,6 +57,7 @@ class Pyramid(NamedTuple):
     heights: Array
     layers: Records
     maxima: Maxima
+    nodes: Records
     levels: Records
     trees: Records
     addresses: PyramidAddresses
@@ -80,14 +72,19 @@ def build_pyramid(posts: Posts) -> Pyramid:
     plans = [_plan(int(layer["rows"]), int(layer["columns"])) for layer in posts.layers]
     groups = np.array([group for plan in plans for group in plan], dtype=np.int64)
     levels, trees = np.zeros(len(groups), dtype=LEVEL), np.zeros(len(plans), dtype=TREE)
-    sizes = 16 * groups.prod(axis=1)
-    levels["start"], levels["wide"] = sizes.cumsum() - sizes, groups[:, 1]
     lengths = np.array([len(plan) for plan in plans])
     trees["first"], trees["top"] = lengths.cumsum() - lengths, lengths - 1
-    maxima = _aligned(int(sizes.sum()))
-    for k in range(len(plans)):
-        _fill(posts.heights, posts.layers, k, maxima, levels, trees)
-    arrays = (posts.heights, posts.layers, maxima, levels, trees)
+    sizes, of_cells = 16 * groups.prod(axis=1), np.isin(np.arange(len(groups)), trees["first"])
+    for same in (of_cells, ~of_cells):
+        levels["start"][same] = sizes[same].cumsum() - sizes[same]
+    levels["wide"] = groups[:, 1]
+    maxima = _aligned(int(sizes[of_cells].sum()), np.dtype(np.float32))
+    nodes = _aligned(int(sizes[~of_cells].sum()), NODE)
+    for k, tree in enumerate(trees):
+        fill_tree(posts.heights, posts.layers, k, maxima, nodes, levels, trees)
+        start = levels["start"][tree["first"] + tree["top"]]
+        tree["highest"] = (nodes["highest"] if tree["top"] else maxima)[start : start + 16].max()
+    arrays = (posts.heights, posts.layers, maxima, nodes, levels, trees)
     pointers, summit = (int(array.ctypes.data) for array in arrays), float(trees["highest"].max())
     addresses = PyramidAddresses(*pointers, len(plans), summit)  # type: ignore[call-arg]
     return Pyramid(*arrays, addresses)
@@ -103,30 +100,11 @@ def _plan(rows: int, columns: int) -> list[tuple[int, int]]:
     return plan
 
 
-def _aligned(count: int) -> Maxima:
-    """An array of maxima, all -inf, aligned to a cache line."""
-    room = np.full(count + _LINE_BYTES // 4, -np.inf, dtype=np.float32)
-    skip = -room.ctypes.data % _LINE_BYTES // 4
-    return room[skip : skip + count]
-
-
-def _as_pointer(_typing: Any, _address: Any) -> Any:
-    """Code generation of ``_pointer(address)``."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], cgutils.voidptr_t)
-
-    return numba.types.voidptr(numba.types.intp), generate
-
-
-_pointer: Any = intrinsic(_as_pointer)
-_array: Any = numba.carray  # type: ignore[attr-defined]
-
-
-@kernel
-def doubles_at(address: int) -> Array:
-    """The array of doubles at an address; its length is a dummy."""
-    return _array(_pointer(address), (1,), np.float64)  # type: ignore[no-any-return]
+def _aligned(count: int, kind: np.dtype[Any]) -> NDArray[Any]:
+    """An array of maxima or nodes, all -inf, aligned to a cache line."""
+    room = np.full((count * kind.itemsize + LINE_BYTES) // 4, -np.inf, dtype=np.float32)
+    skip = -room.ctypes.data % LINE_BYTES // 4
+    return room[skip : skip + count * kind.itemsize // 4].view(kind)
 
 
 @kernel
@@ -138,77 +116,28 @@ def heights_at(q: PyramidAddresses) -> Array:
 @kernel
 def maxima_at(q: PyramidAddresses) -> Maxima:
     """``Pyramid.maxima``."""
-    return _array(_pointer(q.maxima), (1,), np.float32)  # type: ignore[no-any-return]
+    return array_at(pointer(q.maxima), (1,), np.float32)  # type: ignore[no-any-return]
+
+
+@kernel
+def nodes_at(q: PyramidAddresses) -> Records:
+    """``Pyramid.nodes``."""
+    return array_at(pointer(q.nodes), (1,), NODE)  # type: ignore[no-any-return]
 
 
 @kernel
 def levels_at(q: PyramidAddresses) -> Records:
     """``Pyramid.levels``."""
-    return _array(_pointer(q.levels), (1,), LEVEL)  # type: ignore[no-any-return]
+    return array_at(pointer(q.levels), (1,), LEVEL)  # type: ignore[no-any-return]
 
 
 @kernel
 def layers_at(q: PyramidAddresses) -> Records:
     """``Pyramid.layers``."""
-    return _array(_pointer(q.layers), (q.n_layers,), LAYER)  # type: ignore[no-any-return]
+    return array_at(pointer(q.layers), (q.n_layers,), LAYER)  # type: ignore[no-any-return]
 
 
 @kernel
 def trees_at(q: PyramidAddresses) -> Records:
     """``Pyramid.trees``."""
-    return _array(_pointer(q.trees), (q.n_layers,), TREE)  # type: ignore[no-any-return]
-
-
-@kernel
-def _rounded_up(value: float) -> np.float32:
-    """The smallest single precision value that is not below a double."""
-    single = np.float32(value)
-    if np.float64(single) < value:
-        single = np.nextafter(single, np.float32(math.inf))
-    return single
-
-
-@kernel
-def slot(x: int, y: int, wide: int) -> int:
-    """Index of a node within its level."""
-    return (((y >> 2) * wide + (x >> 2)) << 4) + ((y & 3) << 2) + (x & 3)
-
-
-@kernel
-def _fill_cells(heights: Array, layers: Records, k: int, nodes: Maxima, wide: int) -> None:
-    """Level 0: highest of four posts, +inf for a hole, -inf where a finer layer lies."""
-    start, columns, cell = layers[k].start, layers[k].columns, layers[k].cell
-    for row in range(layers[k].rows - 1):
-        for column in range(columns - 1):
-            at = start + row * columns + column
-            south_west, south_east = heights[at], heights[at + 1]
-            north_west, north_east = heights[at + columns], heights[at + columns + 1]
-            highest = max(south_west, south_east, north_west, north_east)
-            if math.isnan(south_west + south_east + north_west + north_east):
-                highest = math.inf
-            nodes[slot(column, row, wide)] = _rounded_up(highest)
-    for row in range(layers[k].rows - 1 if k > 0 else 0):
-        north = layers[k].north0 + (row + 0.5) * cell
-        for column in range(columns - 1):
-            if locate(layers, layers[k].east0 + (column + 0.5) * cell, north)[0] < k:
-                nodes[slot(column, row, wide)] = -math.inf
-
-
-@kernel
-def _fill(heights: Array, layers: Records, k: int, maxima: Maxima, levels: Records, trees: Records) -> None:
-    """The maxima of one layer's tree, cells first; nodes outside the layer keep -inf."""
-    level = levels[trees[k].first]
-    _fill_cells(heights, layers, k, maxima[level.start :], level.wide)
-    high, wide = layers[k].rows - 1, layers[k].columns - 1
-    for number in range(trees[k].first + 1, trees[k].first + trees[k].top + 1):
-        below, level = levels[number - 1], levels[number]
-        high, wide = (high + 3) >> 2, (wide + 3) >> 2
-        for row in range(high):
-            for column in range(wide):
-                begin = below.start + ((row * below.wide + column) << 4)
-                highest = maxima[begin]
-                for i in range(begin + 1, begin + 16):
-                    highest = max(highest, maxima[i])
-                maxima[level.start + slot(column, row, level.wide)] = highest
-    last = levels[trees[k].first + trees[k].top].start
-    trees[k].highest = maxima[last : last + 16].max()
+    return array_at(pointer(q.trees), (q.n_layers,), TREE)  # type: ignore[no-any-return]

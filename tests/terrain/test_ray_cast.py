@@ -1,13 +1,18 @@
 """Rays against an exact solution of every cell of the grid, in extended precision."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from fti.terrain.layer import Layer
 from fti.terrain.nearest_ray import cast_bundle_min
-from fti.terrain.pyramid import slot
+from fti.terrain.pyramid_nodes import slot
+from fti.terrain.ray_cast import cast_one
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 from tests.terrain_kernels import warm_up
@@ -205,18 +210,66 @@ def test_bad_calls_are_refused() -> None:
         ground.cast([20.0, 20.0, 9.0], [0.0, 0.0, -1.0], float("nan"))
 
 
+def blocks(heights: Array, level: int) -> Iterator[tuple[int, int, Array]]:
+    """East and north number of each node of a level, and its posts."""
+    size = 4**level
+    rows, columns = heights.shape
+    for north in range(-(-(rows - 1) // size)):
+        for east in range(-(-(columns - 1) // size)):
+            posts = heights[north * size : (north + 1) * size + 1, east * size : (east + 1) * size + 1]
+            yield east, north, posts
+
+
 def test_pyramid_holds_the_maximum_of_every_node() -> None:
     heights = np.random.default_rng(8).normal(0, 1, (14, 23))
     pyramid = terrain(heights).pyramid
     for level, (start, wide) in enumerate(pyramid.levels.tolist()):
-        size = 4**level
-        for row in range(-(-13 // size)):
-            for column in range(-(-22 // size)):
-                block = heights[row * size : (row + 1) * size + 1, column * size : (column + 1) * size + 1]
-                found = pyramid.maxima[start + slot(column, row, wide)]
-                assert block.max() <= found <= np.nextafter(np.float32(block.max()), np.float32(np.inf))
-    assert pyramid.maxima.ctypes.data % 64 == 0
-    assert pyramid.addresses.summit == pyramid.maxima[pyramid.levels[-1]["start"]]
+        maxima = pyramid.nodes["highest"] if level else pyramid.maxima
+        for east, north, posts in blocks(heights, level):
+            found = maxima[start + slot(east, north, wide)]
+            assert posts.max() <= found <= np.nextafter(np.float32(posts.max()), np.float32(np.inf))
+    assert pyramid.maxima.ctypes.data % 64 == pyramid.nodes.ctypes.data % 64 == 0
+    assert pyramid.addresses.summit == pyramid.nodes["highest"][pyramid.levels[-1]["start"]]
+
+
+def test_plane_of_a_node_lies_on_its_highest_posts_and_under_none() -> None:
+    """Above every post by at least the rounding margin, and at the one that limits it by hardly more."""
+    rng = np.random.default_rng(8)
+    north, east = np.mgrid[:70.0, :90.0]
+    heights = 300.0 + 0.8 * east - 1.7 * north + rng.normal(0, 0.05, (70, 90))
+    pyramid = terrain(heights).pyramid
+    for level, (start, wide) in enumerate(pyramid.levels[1:].tolist(), 1):
+        for x, y, posts in blocks(heights, level):
+            node = pyramid.nodes[start + slot(x, y, wide)]
+            row, column = np.mgrid[: posts.shape[0], : posts.shape[1]]
+            slope_x, slope_y, base = (float(node[name]) for name in ("slope_x", "slope_y", "base"))
+            above = base + slope_x * column + slope_y * row - posts
+            assert 1e-7 < above.min() < 1e-4
+            assert (slope_x, slope_y) == pytest.approx((0.8, -1.7), abs=0.3)
+
+
+@pytest.mark.parametrize("unknown", [False, True])
+def test_rays_in_turns_do_what_each_does_alone(unknown: bool) -> None:
+    """Bit by bit, on two layers with holes: ranges and outcomes of many rays, and of each through ``cast_one``."""
+    rng = np.random.default_rng(21)
+    coarse, fine = np.full((12, 14), 3.0), rng.normal(3.0, 2.0, (25, 25))
+    coarse[7:] += rng.normal(0.0, 4.0, (5, 14))
+    fine[0], fine[-1], fine[:, 0], fine[:, -1] = 3.0, 3.0, 3.0, 3.0
+    if unknown:
+        fine[9, 11] = coarse[9, 4] = np.nan
+    layers = (Layer(fine, 1.0, 16.0, 0.0), Layer(coarse, 8.0, 0.0, 0.0))
+    ground = Terrain(layers, Terrain.from_array(np.zeros((2, 2)), 1.0).frame)
+    origins = rng.uniform((-10, -10, 1), (110, 95, 30), (3000, 3))
+    rays = rng.normal(0.0, (1.0, 1.0, 0.4), (3000, 3))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    ranges, outcomes = ground.trace(origins, rays, 90.0)
+    rays /= np.sqrt((rays[:, 0] * rays[:, 0] + rays[:, 1] * rays[:, 1]) + rays[:, 2] * rays[:, 2])[:, None]
+    cast: Any = cast_one
+    alone = [cast(ground.pyramid, *o, *d, 90.0) for o, d in zip(origins.tolist(), rays.tolist(), strict=True)]
+    assert outcomes.tolist() == [outcome for _, outcome in alone]
+    assert ranges.tobytes() == np.array([r for r, _ in alone]).tobytes()
+    assert set(outcomes.tolist()) >= {RayOutcome.HIT, RayOutcome.NOTHING, RayOutcome.OUTSIDE, RayOutcome.BURIED}
+    assert (RayOutcome.HOLE in outcomes) == unknown
 
 
 def test_bundle_is_the_nearest_of_its_rays() -> None:

@@ -32,7 +32,8 @@ from fti.kernel import kernel
 from fti.ranging.radar.baseband import KERNEL_BINS
 from fti.ranging.radar.edge import find_edge
 from fti.ranging.sensor import Validity
-from fti.terrain.pyramid import Pyramid, PyramidAddresses, doubles_at, heights_at, layers_at
+from fti.terrain.memory import doubles_at
+from fti.terrain.pyramid import Pyramid, PyramidAddresses, heights_at, layers_at
 from fti.terrain.ray_cast import first_event
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.surface import Posts, surface
