@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from fti.plot_style import BLACK, BLUE, GREY, add_legend, label_axes, new_figure
+from fti.plot_style import BLACK, BLUE, GREY, label_axes, new_figure
 from fti.study.bound.experiment import CASES, FIRST_CONVERGED, PERIOD_S, SAMPLES, track
 
 FLIGHTS = 20
@@ -28,6 +28,11 @@ def errors(seed: int) -> Figure:
             axes.plot(t, np.sqrt(squares), color=colour, label=label)
         axes.axvline(PERIOD_S * FIRST_CONVERGED, color="0.8", linewidth=0.7)
         axes.set_yscale("log")
-        label_axes(axes, "time [s]", "RMS of the error [m]" if name == next(iter(CASES)) else "", title=case.about)
-    add_legend(axes)
+        label_axes(
+            axes,
+            "time [s]" if axes in grid[-1] else "",
+            "RMS of the error [m]" if axes in grid[:, 0] else "",
+            title=case.about,
+        )
+    axes.legend(loc="center right", frameon=False)
     return figure
