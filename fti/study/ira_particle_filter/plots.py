@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from fti.plot_style import BLUE, GREY, ORANGE, VERMILION, add_legend, label_axes, new_figure
+from fti.plot_style import BLUE, GREY, ORANGE, VERMILION, label_axes, new_figure
 from fti.study.ira_particle_filter.experiment import MODELS, PERIOD_S, RELIEF_M, SAMPLES, STARTS_M, fly
 
 RUNS = 12
@@ -32,5 +32,6 @@ def errors(seed: int) -> Figure:
                 bound = np.sqrt(np.mean([each.bound for each in of_runs], axis=0))
                 axes.semilogy(t, bound, "--", color=colour, linewidth=0.8)
             label_axes(axes, "time [s]", "[m]", title=f"{kind} ground, start of {start:.0f} m")
-    add_legend(grid[0, 0])
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
     return figure
