@@ -50,8 +50,10 @@ def not_held(**levels: float) -> set[str]:
 
 def test_a_judge_that_can_say_no() -> None:
     assert not_held() == set()
-    assert not_held(proposed=30.0) == {"T27.smooth.p", "T27.rough.p"}
-    assert not_held(nadir=24.0) == {"T27.smooth.p", "T27.rough.p"}
+    radar, far = {"T27.smooth.p", "T27.rough.p"}, {"T27.smooth.far.p", "T27.rough.far.p"}
+    assert not_held(proposed=30.0) == radar | far
+    assert not_held(nadir=24.0) == radar
+    assert not_held(typical=25.0) == far | {"T27.rough.typical"}
 
 
 def test_predicted_ranges_cover_the_corridor() -> None:

@@ -4,11 +4,13 @@ Source 002 (Park), section V, fig. 4 to 7.  Its elevation is not public: flights
 (``experiment``), four runs over each ground.  The unit of every statistic is the ground; m tests have a level of 0.01/m
 each (sign test of the ground's mean squares).  RMS: of the horizontal error in the last 50 s.
 
-    T27   proposed below the radar altimeter of the source, an exact height straight below with a sigma of 15 m, over
-          smooth and rough ground
-    R     other ratios: reported.  Two statements of the source are not reproduced.  Its typical model is no better than
-          the radar over rough ground: here it is better.  The proposed model converges faster from 100 m than the
-          typical one: here by 7 % over smooth ground (p = 0.02), and slower over rough ground
+    T27.smooth, T27.rough   proposed below the radar altimeter of the source: an exact height straight below, sigma 15 m
+    T27.*.far               proposed below typical in the first 30 s from a start of 100 m
+    T27.rough.typical       typical no better than that radar altimeter over rough ground
+
+These are the three statements of the source.  The last two are not reproduced: the study fails in them.
+
+    R     other ratios, with their intervals: reported
     A     RMS and bound of every model in metres: reported.  ``radar`` measures the nearest return of a beam of 40 deg;
           mean and sigma of this error are known to its filter
 

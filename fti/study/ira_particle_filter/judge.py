@@ -15,14 +15,18 @@ Runs = Sequence[Mapping[tuple[float, str], FilterErrors]]
 #: Samples that count: after convergence, and at the beginning.
 LAST, FIRST = slice(50, None), slice(None, 30)
 NEAR, FAR = STARTS_M
-WHEN = {NEAR: "last 50 s", FAR: "first 30 s from 100 m"}
+PART, WHEN = {NEAR: LAST, FAR: FIRST}, {NEAR: "last 50 s", FAR: "first 30 s from 100 m"}
 #: Sign tests of the study.
-TESTS = 2
+TESTS = 4
 
 
 def judge(found: Mapping[str, Runs]) -> list[StudyResult]:
     """T27, R and A; found : runs by kind of ground."""
-    results = [result for kind, runs in found.items() for result in _below_radar(kind, runs)]
+    results = []
+    for kind, runs in found.items():
+        results += _below(f"T27.{kind}", kind, runs, NEAR, "nadir")
+        results += _below(f"T27.{kind}.far", kind, runs, FAR, "typical")
+    results.append(_no_better(found["rough"]))
     for kind, runs in found.items():
         results += [*_levels(kind, runs), *_others(kind, runs)]
     return results
@@ -35,16 +39,25 @@ def squares(runs: Runs, start: float, name: str, part: slice, field: str = "erro
     return np.array([np.mean(of_runs[at : at + RUNS_PER_GROUND]) for at in grounds])
 
 
-def _below_radar(kind: str, runs: Runs) -> list[StudyResult]:
-    proposed, radar = (squares(runs, NEAR, name, LAST) for name in ("proposed", "nadir"))
-    p = sign_test(int(np.count_nonzero(proposed < radar)), len(radar))
-    level, words = LEVEL / TESTS, f"RMS, proposed over {MODELS['nadir'].about}, {kind}, {WHEN[NEAR]}"
+def _below(row: str, kind: str, runs: Runs, start: float, other: str) -> list[StudyResult]:
+    """The proposed measurement is better than another one, from a start."""
+    proposed, compared = (squares(runs, start, name, PART[start]) for name in ("proposed", other))
+    p = sign_test(int(np.count_nonzero(proposed < compared)), len(compared))
+    level, words = LEVEL / TESTS, f"RMS, proposed over {MODELS[other].about}, {kind}, {WHEN[start]}"
     return [
-        StudyResult.reported(f"T27.{kind}", words, pooled_ratio(proposed, radar)),
+        StudyResult.reported(row, words, pooled_ratio(proposed, compared)),
         StudyResult(
-            f"T27.{kind}.p", f"the first below the second, {len(radar)} grounds: p", p, f"< {level:g}", p < level
+            f"{row}.p", f"the first below the second, {len(compared)} grounds: p", p, f"< {level:g}", p < level
         ),
     ]
+
+
+def _no_better(runs: Runs) -> StudyResult:
+    """The typical measurement is no better than the radar over rough ground: its ratio may be 1."""
+    typical, radar = (squares(runs, NEAR, name, LAST) for name in ("typical", "nadir"))
+    _, high = ratio_interval(typical, radar, np.random.default_rng(len(runs)))
+    words = f"RMS, typical over {MODELS['nadir'].about}, rough, {WHEN[NEAR]}: upper limit of its 95 % interval"
+    return StudyResult.at_least("T27.rough.typical", words, high, 1.0)
 
 
 def _levels(kind: str, runs: Runs) -> list[StudyResult]:
@@ -61,13 +74,13 @@ def _levels(kind: str, runs: Runs) -> list[StudyResult]:
 def _others(kind: str, runs: Runs) -> list[StudyResult]:
     """Other ratios."""
     results = []
-    for name, other, start, part in (
-        ("proposed", "radar", NEAR, LAST),
-        ("typical", "nadir", NEAR, LAST),
-        ("proposed", "typical", NEAR, LAST),
-        ("proposed", "typical", FAR, FIRST),
+    for name, other, start in (
+        ("proposed", "radar", NEAR),
+        ("typical", "nadir", NEAR),
+        ("proposed", "typical", NEAR),
+        ("proposed", "typical", FAR),
     ):
-        above, below = (squares(runs, start, model, part) for model in (name, other))
+        above, below = (squares(runs, start, model, PART[start]) for model in (name, other))
         low, high = ratio_interval(above, below, np.random.default_rng(len(runs)))
         words = f"RMS, {name} over {other}, {kind}, {WHEN[start]}; 95 % interval {low:.2f} to {high:.2f}"
         results.append(StudyResult.reported(f"R.{kind}.{name}.{other}.{start:.0f}", words, pooled_ratio(above, below)))
