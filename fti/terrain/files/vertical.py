@@ -76,7 +76,8 @@ def find_datum(path: str, upright: pyproj.CRS | None, dataset: Any, words: Mappi
     datum, by = _file_datum(path, upright, dataset)
     if datum is None:
         if OTHER_FILES not in words:
-            raise ConfigError(f"{path}: its vertical datum is unknown; set vertical = one of {', '.join(DATUM_NAMES)}")
+            names = ", ".join(DATUM_NAMES)
+            raise ConfigError(f"{path}: its vertical datum is unknown; set vertical (or --vertical) to one of {names}")
         return words[OTHER_FILES], "the caller"
     if datum not in DATUM_NAMES:
         raise ConfigError(
