@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from fti.arrays import Array
-from fti.nav.terrain_filters import particle_kernels as kernels
+from fti.nav.terrain_filters import particle_kernels as particle
 from fti.nav.terrain_filters.drift_model import DriftModel
 from fti.nav.terrain_filters.sir import ParticleFilter, on_spiral
 
@@ -48,8 +48,8 @@ class MarginalisedFilter(ParticleFilter):
 
         The sigma is the root mean square of both axes.
         """
-        velocities = self._cloud[kernels.VELOCITY_EAST : kernels.VELOCITY_NORTH + 1]
-        probability = self._cloud[kernels.PROBABILITY]
+        velocities = self._cloud[particle.VELOCITY_EAST : particle.VELOCITY_NORTH + 1]
+        probability = self._cloud[particle.PROBABILITY]
         mean = velocities @ probability
         spread = float((velocities - mean[:, None]) ** 2 @ probability @ (0.5, 0.5))
         return mean, math.sqrt(self._velocity_variance + spread)
@@ -59,17 +59,17 @@ class MarginalisedFilter(ParticleFilter):
         model, known = self._model, self._velocity_variance
         variance = model.position_walk**2 * seconds + known * seconds**2
         gain = known * seconds / variance if variance > 0.0 else 0.0
-        velocities = self._cloud[kernels.VELOCITY_EAST : kernels.VELOCITY_NORTH + 1]
-        self._cloud[kernels.EAST : kernels.NORTH + 1] += seconds * velocities
+        velocities = self._cloud[particle.VELOCITY_EAST : particle.VELOCITY_NORTH + 1]
+        self._cloud[particle.EAST : particle.NORTH + 1] += seconds * velocities
         self._drift(seconds, math.sqrt(variance))
-        velocities += gain * self._cloud[kernels.SLOPE_EAST : kernels.SLOPE_NORTH + 1]  # the change of the shift
+        velocities += gain * self._cloud[particle.SLOPE_EAST : particle.SLOPE_NORTH + 1]  # the change of the shift
         self._velocity_variance += model.velocity_walk**2 * seconds - gain * seconds * known
 
     def _draw(self, covered: float) -> None:
         """Draw new particles and spread their velocity errors."""
         super()._draw(covered)
-        shifts = self._cloud[kernels.EAST : kernels.NORTH + 1]
-        velocities = self._cloud[kernels.VELOCITY_EAST : kernels.VELOCITY_NORTH + 1]
+        shifts = self._cloud[particle.EAST : particle.NORTH + 1]
+        velocities = self._cloud[particle.VELOCITY_EAST : particle.VELOCITY_NORTH + 1]
         mean, away = velocities.mean(axis=1, keepdims=True), shifts - shifts.mean(axis=1, keepdims=True)
         fitted = mean + (velocities - mean) @ away.T @ np.linalg.pinv(away @ away.T) @ away
         deviation = velocities - fitted

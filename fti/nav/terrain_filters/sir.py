@@ -26,7 +26,7 @@ import math
 import numpy as np
 
 from fti.arrays import Array
-from fti.nav.terrain_filters import particle_kernels as kernels
+from fti.nav.terrain_filters import particle_kernels as particle
 from fti.nav.terrain_filters.drift_model import DriftModel, ShiftEstimate
 from fti.nav.terrain_filters.height_sample import HeightSample
 from fti.nav.terrain_filters.particle_drawing import draw_particles, shift_moments
@@ -75,7 +75,7 @@ class ParticleFilter:
     @property
     def shifts(self) -> Array:
         """Shift of each particle, east and north, shape (2, particles) [m]."""
-        return self._cloud[kernels.EAST : kernels.NORTH + 1].copy()
+        return self._cloud[particle.EAST : particle.NORTH + 1].copy()
 
     @property
     def residual_2(self) -> float:
@@ -90,7 +90,7 @@ class ParticleFilter:
         """Measurement update; a sample without known ground changes nothing."""
         column = (sample.east - window.east0) / window.cell_m
         row = (sample.north - window.north0) / window.cell_m
-        kernels.predict_heights(self._cloud, window.heights, column, row, window.cell_m, sample.ground)
+        particle.predict_heights(self._cloud, window.heights, column, row, window.cell_m, sample.ground)
         self._update(sample.sd, 1.0)
 
     def weigh(self, predicted: Array, measured: float, sd: float, per_height: float = 1.0) -> None:
@@ -101,31 +101,31 @@ class ParticleFilter:
         per_height : its change with the height error (navigated minus true): 1 for a height of the ground
         """
         cloud = self._cloud
-        cloud[kernels.RESIDUAL] = measured - predicted - per_height * cloud[kernels.MEAN]
-        cloud[kernels.SLOPE_EAST] = cloud[kernels.SLOPE_NORTH] = 0.0
+        cloud[particle.RESIDUAL] = measured - predicted - per_height * cloud[particle.MEAN]
+        cloud[particle.SLOPE_EAST] = cloud[particle.SLOPE_NORTH] = 0.0
         self._update(sd, per_height)
 
     def correct(self, east: float, north: float) -> None:
         """The navigated position was changed by this [m]."""
-        self._cloud[kernels.EAST] -= east
-        self._cloud[kernels.NORTH] -= north
+        self._cloud[particle.EAST] -= east
+        self._cloud[particle.NORTH] -= north
 
     def estimate(self) -> ShiftEstimate:
         """Mean and covariance."""
-        cloud, probability = self._cloud, self._cloud[kernels.PROBABILITY]
+        cloud, probability = self._cloud, self._cloud[particle.PROBABILITY]
         east, north, east_2, north_2, across = shift_moments(cloud)
-        own = kernels.SQUARE * float(probability @ cloud[kernels.AREA])
-        height = float(probability @ cloud[kernels.MEAN])
-        variance = float(probability @ (cloud[kernels.VARIANCE] + (cloud[kernels.MEAN] - height) ** 2))
+        own = particle.SQUARE * float(probability @ cloud[particle.AREA])
+        height = float(probability @ cloud[particle.MEAN])
+        variance = float(probability @ (cloud[particle.VARIANCE] + (cloud[particle.MEAN] - height) ** 2))
         cov = np.array([[east_2 + own, across], [across, north_2 + own]])
         return ShiftEstimate(np.array([east, north]), cov, height, math.sqrt(variance))
 
     def _drift(self, seconds: float, sd: float) -> None:
         height_variance = self._model.height_walk**2 * seconds
-        kernels.drift_particles(self._cloud, kernels.normal_pairs(), self._seed, sd, height_variance)
+        particle.drift_particles(self._cloud, particle.normal_pairs(), self._seed, sd, height_variance)
 
     def _update(self, sd: float, per_height: float) -> None:
-        counting, covered, self._residual_2 = kernels.weigh_particles(self._cloud, sd**2, per_height)
+        counting, covered, self._residual_2 = particle.weigh_particles(self._cloud, sd**2, per_height)
         if counting < MIN_COUNTING * self.particles:
             self._draw(covered)
 
@@ -133,12 +133,12 @@ class ParticleFilter:
         """Draw new particles, as many as the covered area [m^2] needs."""
         number = min(max(math.ceil(covered / self.fine_m**2), self.min_particles), self.particles)
         if number < self.particles:
-            self._spare = np.empty((kernels.ROWS, number))
-        draw_particles(self._cloud, self._spare, kernels.normal_pairs(), self._seed, self._model.has_velocity)
+            self._spare = np.empty((particle.ROWS, number))
+        draw_particles(self._cloud, self._spare, particle.normal_pairs(), self._seed, self._model.has_velocity)
         self._cloud, self._spare = self._spare, self._cloud[:, :number]
         _, _, east_2, north_2, across = shift_moments(self._cloud)
         area = GAUSSIAN_AREA * math.sqrt(max(east_2 * north_2 - across**2, 0.0))
-        areas = self._cloud[kernels.AREA]
+        areas = self._cloud[particle.AREA]
         np.maximum(areas, MIN_AREA_SHARE * area / number, out=areas)
 
 
@@ -146,13 +146,13 @@ def on_spiral(model: DriftModel, count: int) -> Array:
     """A cloud of the start of a model: particles wider than the position, with its probability."""
     turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(count)
     squared = -2.0 * np.log1p(-(np.arange(count) + 0.5) / count)  # of the radius, standard normal
-    cloud, width_2 = np.zeros((kernels.ROWS, count)), (START_WIDTH * model.position_sd) ** 2
+    cloud, width_2 = np.zeros((particle.ROWS, count)), (START_WIDTH * model.position_sd) ** 2
     radius = np.sqrt(width_2 * squared)
-    cloud[kernels.EAST], cloud[kernels.NORTH] = radius * np.cos(turn), radius * np.sin(turn)
-    cloud[kernels.VARIANCE] = model.height_sd**2
-    cloud[kernels.AREA] = math.tau * width_2 / count * np.exp(0.5 * squared)
+    cloud[particle.EAST], cloud[particle.NORTH] = radius * np.cos(turn), radius * np.sin(turn)
+    cloud[particle.VARIANCE] = model.height_sd**2
+    cloud[particle.AREA] = math.tau * width_2 / count * np.exp(0.5 * squared)
     probability = np.exp(-0.5 * squared * (START_WIDTH**2 - 1.0))
-    cloud[kernels.PROBABILITY] = probability / probability.sum()
+    cloud[particle.PROBABILITY] = probability / probability.sum()
     return cloud
 
 
@@ -161,9 +161,9 @@ def _in_cells(cells: GridCells, count: int) -> Array:
     places = (np.arange(count) + 0.5) / count
     cell = np.minimum(np.searchsorted(np.cumsum(cells.probability), places), len(cells.probability) - 1)
     within = cells.side * (np.random.default_rng(count).random((2, count)) - 0.5)
-    cloud = np.zeros((kernels.ROWS, count))
-    cloud[kernels.EAST], cloud[kernels.NORTH] = cells.east[cell] + within[0], cells.north[cell] + within[1]
-    cloud[kernels.MEAN], cloud[kernels.VARIANCE] = cells.mean[cell], cells.variance[cell]
-    cloud[kernels.AREA] = cells.side**2 / np.maximum(count * cells.probability[cell], 1.0)
-    cloud[kernels.PROBABILITY] = 1.0 / count
+    cloud = np.zeros((particle.ROWS, count))
+    cloud[particle.EAST], cloud[particle.NORTH] = cells.east[cell] + within[0], cells.north[cell] + within[1]
+    cloud[particle.MEAN], cloud[particle.VARIANCE] = cells.mean[cell], cells.variance[cell]
+    cloud[particle.AREA] = cells.side**2 / np.maximum(count * cells.probability[cell], 1.0)
+    cloud[particle.PROBABILITY] = 1.0 / count
     return cloud
