@@ -68,12 +68,12 @@ class Ground:
         Without land cover the sigma is nearly the same everywhere in the beam: then straight below.
         """
         east, north, up = map(float, origin)
-        below = nearest_posts(self.terrain.posts, np.array([east]), np.array([north])) if self.cover_sds else None
-        if below is None or below[0][0] < 0:
+        below = self._nearest_post(east, north) if self.cover_sds else None
+        if below is None:
             return east, north
-        layer = self.terrain.layers[int(below[0][0])]
+        layer = self.terrain.layers[below[0]]
         reach = math.ceil(radius_m / layer.cell_m)
-        row, column = divmod(int(below[1][0]), layer.heights.shape[1])
+        row, column = divmod(below[1], layer.heights.shape[1])
         rows, columns = (slice(max(middle - reach, 0), middle + reach + 1) for middle in (row, column))
         aside = np.hypot(layer.east[columns][None, :] - east, layer.north[rows][:, None] - north)
         distance = np.where(aside <= radius_m, np.hypot(aside, up - layer.heights[rows, columns]), np.inf)
@@ -83,11 +83,13 @@ class Ground:
         return float(layer.east[columns][j]), float(layer.north[rows][i])
 
     def _cover_sd(self, east: float, north: float) -> float:
-        if not self.cover_sds:
-            return 0.0
+        post = self._nearest_post(east, north) if self.cover_sds else None
+        return 0.0 if post is None else float(self.cover_sds[post[0]].ravel()[post[1]])
+
+    def _nearest_post(self, east: float, north: float) -> tuple[int, int] | None:
+        """Layer and number of the nearest post; None outside all layers."""
         of_layer, posts = nearest_posts(self.terrain.posts, np.array([east]), np.array([north]))
-        is_outside = of_layer[0] < 0
-        return 0.0 if is_outside else float(self.cover_sds[int(of_layer[0])].ravel()[posts[0]])
+        return None if of_layer[0] < 0 else (int(of_layer[0]), int(posts[0]))
 
     def _source_sd(self, east: float, north: float) -> float:
         sds = self._sds_of_files

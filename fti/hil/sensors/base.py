@@ -8,6 +8,7 @@ latency given there.  All random numbers depend on the seed of the scenario and 
 from __future__ import annotations
 
 import copy
+import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,6 +21,7 @@ from fti.constants import SECOND_NS
 from fti.devices import BoundDevice
 from fti.drivers import Encoder
 from fti.errors import ConfigError
+from fti.formats.quantities import UNITS
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import displace
 from fti.hil.environment import Environment
@@ -27,10 +29,17 @@ from fti.hil.faults.applicability import applies_to
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.tables.fault_types import LeverArm
 from fti.hil.tables.schema import SensorSettings
-from fti.messages.measurements import Measurement, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Reading, Stamp, TimeScale
 
 DRIFT_PPM_SD = 20.0
 JITTER_SD_MS = 0.3
+
+
+def field_reading(stamp: Stamp, name: str, value: float, unit: str, unit_of_value: str) -> Reading:
+    """A reading of a value in the unit of its field (empty: none stated); invalid where it is not finite."""
+    valid = math.isfinite(value)
+    scaled = value / UNITS[unit or unit_of_value][0]
+    return Reading(stamp=stamp, name=name, value=scaled if valid else None, unit=unit, valid=valid)
 
 
 class SensorModel(Protocol):

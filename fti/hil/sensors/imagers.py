@@ -20,10 +20,10 @@ from fti.arrays import Array
 from fti.config.keys import key
 from fti.devices import BoundDevice
 from fti.errors import ConfigError
-from fti.formats.quantities import UNITS
 from fti.hil.environment import Environment
+from fti.hil.sensors.base import field_reading
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
-from fti.messages.measurements import Measurement, Reading, Stamp
+from fti.messages.measurements import Measurement, Stamp
 from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
 from fti.ranging.scanner import RangeScanner
@@ -70,12 +70,10 @@ class ImagerModel:
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """A reading for each range, in the unit of its field."""
-        return [self._reading(name, float(self._ranges[k][pixel]), stamp) for name, pixel in self._pixels.items()]
-
-    def _reading(self, name: str, slant_range: float, stamp: Stamp) -> Reading:
-        unit, valid = self._units[name], math.isfinite(slant_range)
-        value = slant_range / UNITS[unit or "m"][0]
-        return Reading(stamp=stamp, name=name, value=value if valid else None, unit=unit, valid=valid)
+        return [
+            field_reading(stamp, name, float(self._ranges[k][pixel]), self._units[name], "m")
+            for name, pixel in self._pixels.items()
+        ]
 
 
 def _shape(pixels: Mapping[str, tuple[int, int]], device: str) -> tuple[int, int]:

@@ -6,16 +6,15 @@ its angle off the forward-down plane of the sensor, positive to the right.  With
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
 from fti.arrays import Array
 from fti.devices import BoundDevice
-from fti.formats.quantities import UNITS
 from fti.hil.environment import Environment
-from fti.messages.measurements import Measurement, Reading, Stamp
+from fti.hil.sensors.base import field_reading
+from fti.messages.measurements import Measurement, Stamp
 from fti.ranging.interferometric import InterferometricAltimeter
 
 #: Names of the fields, and the units of their values here.
@@ -39,9 +38,6 @@ class InterferometricModel:
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """A reading for each field, in its unit."""
-        return [self._reading(name, unit, float(of[k]), stamp) for name, (unit, of) in self._values.items()]
-
-    @staticmethod
-    def _reading(name: str, unit: str, value: float, stamp: Stamp) -> Reading:
-        valid = math.isfinite(value)
-        return Reading(stamp=stamp, name=name, value=value / UNITS[unit][0] if valid else None, unit=unit, valid=valid)
+        return [
+            field_reading(stamp, name, float(of[k]), unit, FIELDS[name]) for name, (unit, of) in self._values.items()
+        ]

@@ -71,7 +71,7 @@ class FilterCopy:
 
         False if the filter has found an uncertain heading in a turn since: the effect on the copy is not linear.
         """
-        return self.heading_sd < max(MIN_LOST_HEADING, HEADING_FOUND * filtered.rpy_sd[2])
+        return self.heading_sd < MIN_LOST_HEADING or self.heading_sd < HEADING_FOUND * filtered.rpy_sd[2]
 
     def _compare(self, entry: AidingEntry) -> None:
         matrices = entry.aiding.compute_matrices(self.estimate)

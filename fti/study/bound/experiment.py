@@ -7,13 +7,13 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 
 from fti.arrays import Array
+from fti.nav.sequential_methods import SequentialFilter
 from fti.nav.terrain_filters.bound import PosteriorBound
-from fti.nav.terrain_filters.drift_model import HEIGHT, SHIFT, DriftModel, ShiftEstimate
+from fti.nav.terrain_filters.drift_model import HEIGHT, SHIFT, DriftModel
 from fti.nav.terrain_filters.height_sample import HeightSample
 from fti.nav.terrain_filters.point_mass import PointMassFilter
 from fti.nav.terrain_filters.terrain_filter import TerrainFilter
@@ -41,19 +41,6 @@ def random_walk(position_sd: float) -> DriftModel:
 def with_velocity(position_sd: float) -> DriftModel:
     """A velocity error of 1 m/s, which grows by 0.02 m/s/sqrt(s), and a position error by 0.5 m/sqrt(s)."""
     return DriftModel(position_sd, HEIGHT_SD_M, 0.5 * POSITION_WALK, HEIGHT_WALK, 1.0, 0.02)
-
-
-class SequentialFilter(Protocol):
-    """A filter of ``fti.nav.terrain_filters``."""
-
-    def predict(self, seconds: float) -> None:
-        """Time update."""
-
-    def update(self, window: TerrainWindow, sample: HeightSample) -> None:
-        """Measurement update."""
-
-    def estimate(self) -> ShiftEstimate:
-        """Mean and covariance."""
 
 
 @dataclass(frozen=True)
