@@ -12,6 +12,9 @@ timestamps.  Other captures have no times: t_rx_ns is 0.
 The counters account for every byte: framed, held (an incomplete frame), or skipped, by reason; they count the messages
 of each name, and lost messages where messages are numbered.  With --json they are the last line of standard output,
 {"counters": ...}; without, they are text on standard error.
+
+A scan of a range scanner or imager is one line with its number of points and returns.  With --points the line has the
+points, too: t_s after the message [s], range [m], direction (unit vector in the sensor frame) and intensity.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 
     from fti.config import StrictModel
     from fti.drivers import Counters, Decoder, Driver
+    from fti.messages.measurements import RangeScan
 
 Reads = Iterator[tuple[int, bytes]]  # (t_rx_ns, bytes of one read, datagram or CAN frame)
 CAN_FRAME = 16  # struct can_frame of Linux
@@ -46,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", metavar="CONFIG", help="with --device: the configuration of the device")
     parser.add_argument("--device", metavar="NAME", help="decode as this device of the configuration")
     parser.add_argument("--chunk", type=int, default=4096, metavar="N", help="bytes fed at a time (default 4096)")
+    parser.add_argument("--points", action="store_true", help="print the points of scans, too")
     parser.add_argument("--json", action="store_true", help="print JSON only, with the counters as last line")
 
 
@@ -55,6 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
     from fti.errors import ConfigError, FtiError
     from fti.logger.encoding import encode
+    from fti.messages.measurements import RangeScan
 
     if args.chunk < 1:
         raise ConfigError(f"--chunk = {args.chunk}: must be 1 or more")
@@ -63,7 +69,9 @@ def run(args: argparse.Namespace) -> int:
         with open_capture(Path(args.file)) as capture:
             for t_rx_ns, data in reads(driver, capture, args.chunk):
                 for measurement in decoder.feed(data, t_rx_ns):
-                    line = {"measurement": type(measurement).__name__, "values": measurement}
+                    line: dict[str, Any] = {"measurement": type(measurement).__name__, "values": measurement}
+                    if args.points and isinstance(measurement, RangeScan):
+                        line["points"] = point_lists(measurement)
                     print_line(encode(line).decode())
         if args.json:
             print_line(encode({"counters": decoder.counters}).decode())
@@ -75,6 +83,21 @@ def run(args: argparse.Namespace) -> int:
     if not args.json:
         print_lines(_counter_lines(decoder.counters), error=True)
     return 0
+
+
+def point_lists(scan: RangeScan) -> dict[str, list[Any]]:
+    """The points of a scan by column; intensity is empty if the device states none."""
+    from fti.ranging.scan_points import scan_points
+
+    points = scan_points(scan)
+    offsets_s = (points.times_ns - scan.stamp.t_rx_ns) / 1e9
+    intensities = [] if points.intensities is None else points.intensities.tolist()
+    return {
+        "t_s": offsets_s.tolist(),
+        "range": points.ranges.tolist(),
+        "direction": points.directions_s.tolist(),
+        "intensity": intensities,
+    }
 
 
 def driver_decoder(args: argparse.Namespace) -> tuple[Driver, Decoder]:

@@ -6,6 +6,9 @@ measurements, outputs, events, clocks, ledger and health; with --raw also the fr
 Measurements are decoded from the recorded bytes: every sample, with the time of validity that navigation gave it.
 --thin 25 gives the samples that are in the derived file.  Where the bytes are missing the recorded ones are exported.
 
+A scan of a range scanner or imager is one row, with its number of points and returns.  With --points a second table has
+a row for each of its points: time (publish_time_ns), range, direction (unit vector in the sensor frame), intensity.
+
 Each row begins with its times: log_time_ns (arrival) and publish_time_ns (validity) in FTI time, t_s, seconds since the
 first message of the session, and utc, the time of validity as a timestamp.  FTI time is UTC as the computer knew it;
 fti sync corrects it by satellite time.  Angles are in radians; --degrees converts every column in rad or rad/s, but
@@ -25,6 +28,7 @@ mode, and a note if it is a snapshot and not a continuous recording.
   fti export data/da42_20260102T030405Z_0 --out tables --format parquet --topic '/ins/*' --topic /nav/glide_slope
   fti export data/da42_20260102T030405Z_0 --out tables --from 600 --to 720 --raw
   fti export data/da42_20260102T030405Z_0 --out tables --format parquet --degrees --resample 10
+  fti export data/da42_20260102T030405Z_0 --out tables --format parquet --points --from 600 --to 660
   fti export /media/disk/da42_20260102T030405Z_0 spare/da42_20260102T030405Z_0 --out tables    (the medium was changed)
 
   pandas.read_csv("tables/ins_attitude.csv", parse_dates=["utc"]).set_index("utc")["roll [deg]"]
@@ -76,6 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     rates.add_argument(
         "--thin", type=rate, dest="thin_hz", metavar="HZ", help="at most HZ measurements of each kind in a second"
     )
+    parser.add_argument("--points", action="store_true", help="also a table of the points of the scans of each device")
     parser.add_argument("--raw", action="store_true", help="also received and sent frames of the links")
 
 
@@ -91,6 +96,8 @@ def run(args: argparse.Namespace) -> int:
         raise FtiError(f"--to {args.end_s:g}: must not be before --from {args.begin_s:g}")
     if args.raw and args.resample_hz:
         raise FtiError("--raw: frames cannot be resampled; export them without --resample")
+    if args.points and args.resample_hz:
+        raise FtiError("--points: points cannot be resampled; export them without --resample")
     selection = ExportSelection(
         tuple(args.topic),
         args.begin_s,
@@ -99,6 +106,7 @@ def run(args: argparse.Namespace) -> int:
         degrees=args.degrees,
         thin_hz=args.thin_hz,
         resample_hz=args.resample_hz,
+        points=args.points,
     )
     recording = Recording.open(*args.session)
     report_remarks(recording)

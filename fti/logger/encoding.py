@@ -15,6 +15,8 @@ from typing import Any
 import orjson
 from msgspec import Struct, structs
 
+from fti.messages.tables import array_fields
+
 
 def encode(obj: Any) -> bytes:
     """Encode a message or table as JSON.  Raises TypeError for types that JSON cannot represent.
@@ -31,7 +33,7 @@ def encode(obj: Any) -> bytes:
 def _to_known_type(value: Any) -> Any:
     """Convert messages, numpy floats and other mappings and sequences to a type that orjson supports."""
     if isinstance(value, Struct):
-        return structs.asdict(value)
+        return _fields(value)
     if isinstance(value, float):
         return float(value)
     if isinstance(value, Mapping):
@@ -39,6 +41,14 @@ def _to_known_type(value: Any) -> Any:
     if isinstance(value, Sequence):
         return list(value)
     raise TypeError(f"{type(value).__name__} cannot be encoded as JSON")
+
+
+def _fields(message: Struct) -> dict[str, Any]:
+    """The fields of a message that are recorded."""
+    fields = structs.asdict(message)
+    for name in array_fields(type(message)):
+        del fields[name]
+    return fields
 
 
 def _plain(value: Any) -> Any:

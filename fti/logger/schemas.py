@@ -18,6 +18,7 @@ from msgspec import UnsetType
 from fti.logger import foxglove
 from fti.logger.encoding import encode
 from fti.messages.outputs import Event, HeightAboveGround
+from fti.messages.tables import recorded_hints
 from fti.messages.topic_fields import units
 from fti.messages.topics import EVENT_TOPIC, NOTE_CLASSES, schema_name
 from fti.messages.units import present_members, union_members
@@ -63,7 +64,7 @@ def schema_of(cls: type) -> Schema:
 
 
 def _object_schema(cls: Any, definitions: Json) -> Json:
-    hints = typing.get_type_hints(cls)
+    hints = recorded_hints(cls)
     properties = {name: _field_schema(hint, definitions) for name, hint in hints.items()}
     for name in properties.keys() & units(cls).keys():
         properties[name]["description"] = f"[{units(cls)[name]}]"

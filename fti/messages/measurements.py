@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from fti.messages.tables import Message
+from fti.messages.tables import Arrays, Message
 from fti.messages.units import (
     Count,
     Cycles,
@@ -124,6 +124,38 @@ class BeamRange(Message, kw_only=True):
     across: Radians
     slant_range: Metres | None
     valid: bool = True
+
+
+class PointArrays(Arrays, kw_only=True):
+    """The n points of a scan, little-endian; ``fti.ranging.scan_points`` makes arrays of them.
+
+    ranges      : float32 (n,)    slant range [m]; NaN without a return
+    directions  : float32 (n, 3)  unit vectors from the sensor, in its frame
+    offsets     : float32 (n,)    time of a point after that of the message [s]
+    intensities : uint8 (n,)      strength of the return as the device states it; empty if it states none
+    """
+
+    ranges: bytes = b""
+    directions: bytes = b""
+    offsets: bytes = b""
+    intensities: bytes = b""
+
+
+class RangeScan(Message, kw_only=True):
+    """Ranges along many directions, measured one after the other or at once: a line, an image, or a part of a turn.
+
+    points, returns : number of directions, and of those with a range
+    nearest, median : smallest range, and the median of the ranges [m]; None without a return
+    arrays          : the points; they are not recorded, because the raw file has their bytes
+    """
+
+    stamp: Stamp
+    points: Count
+    returns: Count
+    nearest: Metres | None = None
+    median: Metres | None = None
+    valid: bool = True
+    arrays: PointArrays = PointArrays()
 
 
 class RadioHeight(Message, kw_only=True):
@@ -395,6 +427,7 @@ Measurement = (
     | ImuSample
     | Range
     | BeamRange
+    | RangeScan
     | RadioHeight
     | StaticPressure
     | ImpactPressure

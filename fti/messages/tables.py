@@ -2,16 +2,42 @@
 
 from __future__ import annotations
 
+import typing
+from functools import cache
 from typing import Any, TypeVar, dataclass_transform
 
 import msgspec
 
 T = TypeVar("T")
+S = TypeVar("S", bound=msgspec.Struct)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(msgspec.field,))
 class Message(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=True):
     """A message: frozen, and without references to itself, so that the garbage collector need not visit it."""
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(msgspec.field,))
+class Arrays(msgspec.Struct, frozen=True, gc=False):
+    """Arrays of numbers in a message, as bytes.  Navigation has them; records, tables and schemas leave them out."""
+
+
+@cache
+def array_fields(cls: type) -> dict[str, Arrays]:
+    """The fields of a message that are arrays, with their defaults, which are empty."""
+    return {field.name: field.default for field in msgspec.structs.fields(cls) if isinstance(field.default, Arrays)}
+
+
+def recorded_hints(cls: type, *, include_extras: bool = False) -> dict[str, Any]:
+    """Types of the fields of a message that are recorded; with ``include_extras`` they have their units."""
+    hints = typing.get_type_hints(cls, include_extras=include_extras)
+    return {name: hint for name, hint in hints.items() if name not in array_fields(cls)}
+
+
+def without_arrays(message: S) -> S:
+    """The part of a message that is recorded."""
+    empty = array_fields(type(message))
+    return msgspec.structs.replace(message, **empty) if empty else message
 
 
 def to_table(value: Any) -> Any:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 
 from msgspec import UnsetType
 
-from fti.messages.tables import Message
+from fti.messages.tables import Message, recorded_hints
 from fti.messages.units import present_members, union_members, unit_symbol
 
 _NAMES = {float: "number", int: "integer", bool: "true or false", str: "text", types.NoneType: "null"}
@@ -27,7 +27,7 @@ class Field(NamedTuple):
 def fields(cls: type) -> list[Field]:
     """The fields of a message, those of a message within it by their paths."""
     found = []
-    for name, hint in typing.get_type_hints(cls, include_extras=True).items():
+    for name, hint in recorded_hints(cls, include_extras=True).items():
         kind = _content(hint)
         if isinstance(kind, type) and issubclass(kind, Message):
             path = f"{name}.<name>" if _is_map(hint) else name

@@ -17,7 +17,16 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fti.logger.encoding import encode
-from fti.messages.measurements import Attitude, ImuSample, Measurement, Satellite, Satellites, Stamp, TimeScale
+from fti.messages.measurements import (
+    Attitude,
+    ImuSample,
+    Measurement,
+    RangeScan,
+    Satellite,
+    Satellites,
+    Stamp,
+    TimeScale,
+)
 from fti.messages.outputs import Event, Output
 from fti.messages.tables import Message
 
@@ -27,7 +36,8 @@ CLASSES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output), 
 def plain(value: Any) -> Any:
     """A value of plain JSON types, slowly: what is to be written."""
     if isinstance(value, Message):
-        return {name: plain(getattr(value, name)) for name in value.__struct_fields__}
+        left_out = {"arrays"} if isinstance(value, RangeScan) else set()
+        return {name: plain(getattr(value, name)) for name in value.__struct_fields__ if name not in left_out}
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -37,8 +37,10 @@ from fti.messages.measurements import (
     Measurement,
     Pseudoranges,
     Range,
+    RangeScan,
     Satellites,
 )
+from fti.ranging.scan_points import replace_far_ranges
 
 NumberFault = Bias | Ramp | Noise | WrongUnit | Scale | Forced
 MeasurementFault = Stuck | Invalid | Fog | NumberFault | NavigationFault | Latency
@@ -125,13 +127,15 @@ def _change_number(
 
 def _apply_fog(measurement: Measurement, fog: Fog, t: float) -> Measurement:
     """A laser range in fog at t [s]; ranges within the visibility, and other measurements, are unchanged."""
+    echo_m = None
+    if fog.echo_m is not None:
+        first, last = fog.echo_m
+        echo_m = first + (last - first) * (t - fog.from_s) / (fog.to_s - fog.from_s)
+    if isinstance(measurement, RangeScan):
+        return replace_far_ranges(measurement, fog.visibility_m, echo_m)
     if not isinstance(measurement, Range | BeamRange) or not (measurement.slant_range or math.inf) > fog.visibility_m:
         return measurement
-    if fog.echo_m is None:
-        return replace(measurement, slant_range=None, valid=False)
-    first, last = fog.echo_m
-    share = (t - fog.from_s) / (fog.to_s - fog.from_s)
-    return replace(measurement, slant_range=first + (last - first) * share, valid=True)
+    return replace(measurement, slant_range=echo_m, valid=echo_m is not None)
 
 
 def _invalidate(measurement: Measurement, flags: tuple[str, ...]) -> Measurement:

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple, get_args, get_type_hints
 
 from msgspec import structs
 
-from fti.messages.measurements import Measurement
+from fti.messages.measurements import Measurement, RangeScan
 from fti.messages.topics import MEASUREMENT_CLASSES
+from fti.ranging.scan_points import change_ranges
 
 #: Fields that name a Reading, a SurfaceDeflection, a DmeRange or a BeamRange.
 NAME_FIELDS = ("name", "surface", "station", "beam")
@@ -37,6 +38,8 @@ def quantities() -> dict[str, dict[str, MeasurementField]]:
 
 def _numbers(kind: type[Measurement]) -> dict[str, MeasurementField]:
     found = {}
+    if kind is RangeScan:  # its numbers follow from the ranges, so that a fault of the median changes all of them
+        return {"median": MeasurementField(kind, "median", None, False)}
     for field, hint in get_type_hints(kind).items():
         parts = get_args(hint) if type(None) in get_args(hint) else (hint,)
         if float in parts or int in parts:
@@ -67,6 +70,8 @@ def change_quantity(
     measurement: Measurement, quantity: MeasurementField, change: Callable[[float], float]
 ) -> Measurement:
     """The measurement with ``change`` applied to one number; a number that is None stays None."""
+    if isinstance(measurement, RangeScan):
+        return change_ranges(measurement, change)
     value: Any = getattr(measurement, quantity.field)
     if value is None:
         return measurement

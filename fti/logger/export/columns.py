@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any
 
 from fti.logger.export.units import class_of, unit_of, with_unit
-from fti.messages.tables import Message
+from fti.messages.tables import Message, recorded_hints
 from fti.messages.units import present_members
 
 #: Largest integer of an integer column; a larger one is a float.
@@ -78,7 +78,7 @@ def _flatten(value: Any, name: str, cells: dict[str, Any]) -> None:
 def types_of_class(cls: type) -> dict[str, Type]:
     """Types of the columns of a class of messages by their names; a list of messages is a text, of JSON."""
     found: dict[str, Type] = {}
-    for name, hint in typing.get_type_hints(cls).items():
+    for name, hint in recorded_hints(cls).items():
         kind = next(member for member in present_members(hint) if member is not types.NoneType)
         arguments = typing.get_args(kind)
         if typing.get_origin(kind) is tuple and ... not in arguments:

@@ -9,6 +9,7 @@ from fti.logger.derived_log import Decimator
 from fti.logger.export.columns import flatten
 from fti.logger.export.contents import parse_item
 from fti.logger.export.measurement_rows import MeasurementRows
+from fti.logger.export.point_rows import POINT_COLUMNS, POINTS_SUFFIX, point_rows
 from fti.logger.export.recorded_measurements import RecordedMeasurements
 from fti.logger.export.row_spool import JsonRow
 from fti.logger.export.selection import ExportSelection, TimeWindow
@@ -16,7 +17,7 @@ from fti.logger.export.topic_tables import Tables
 from fti.logger.reading.mcap_file import McapMessage
 from fti.logger.reading.note_states import NoteStates
 from fti.messages.frames import TICK_LINK, RawFrame
-from fti.messages.measurements import Measurement
+from fti.messages.measurements import Measurement, RangeScan
 from fti.messages.topics import measurement_topic
 
 #: Frames are decoded until this time after the end of the window [ns]: a message is complete after its first byte.
@@ -47,6 +48,7 @@ class MeasurementWriter:
         self._kinds = {topic: kind for topic, kind in kinds.items() if selection.matches(topic)}
         self._rows: dict[tuple[str, type], tuple[str, MeasurementRows]] = {}
         self._decimator = Decimator(selection.thin_hz) if selection.thin_hz else None
+        self._has_points = selection.points
 
     def write(self, decoded: Decoded, recorded: RecordedMeasurements, window: TimeWindow) -> None:
         """Write those of the window."""
@@ -71,6 +73,14 @@ class MeasurementWriter:
             t_rx_ns, t_valid_ns = measurement.stamp.t_rx_ns, measurement.stamp.t_valid_ns
             times = t_rx_ns, t_rx_ns if t_valid_ns is None else t_valid_ns
             self._tables.write(topic, times, rows.cells(measurement))
+            if self._has_points and isinstance(measurement, RangeScan):
+                self._write_points(topic + POINTS_SUFFIX, measurement)
+
+    def _write_points(self, topic: str, scan: RangeScan) -> None:
+        if topic not in self._tables.columns:
+            self._tables.open(topic, POINT_COLUMNS)
+        for t_valid_ns, cells in point_rows(scan):
+            self._tables.write(topic, (scan.stamp.t_rx_ns, t_valid_ns), cells)
 
     def _write_recorded(self, item: McapMessage) -> None:
         topic = item.topic.name

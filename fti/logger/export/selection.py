@@ -14,7 +14,7 @@ class ExportSelection:
     """Selection of topics that match one of the patterns (all without patterns), from begin_s to end_s [s after the
     first message of the session].
 
-    raw : also received and sent frames of the links;  degrees : angles in degrees
+    raw : also received and sent frames of the links;  degrees : angles in degrees;  points : also those of scans
     thin_hz : at most so many measurements of each kind in a second;  resample_hz : one table with so many rows in one
     """
 
@@ -25,6 +25,7 @@ class ExportSelection:
     degrees: bool = False
     thin_hz: float | None = None
     resample_hz: float | None = None
+    points: bool = False
 
     def matches(self, topic: str) -> bool:
         """Does the topic match?"""

@@ -19,6 +19,7 @@ from fti.logger.storage_target import StorageTarget
 from fti.messages.measurements import Measurement
 from fti.messages.notes import NavigationNote
 from fti.messages.outputs import Event, Output
+from fti.messages.tables import without_arrays
 from fti.service.fault_guard import FailureHandler, catch_failures
 
 FLUSH_PERIOD_S = 0.05
@@ -57,7 +58,8 @@ class DerivedWriter:
     def measurement(self, device: str, measurement: Measurement) -> None:
         """Queue a measurement, if the file records it (decimation)."""
         if self._log.is_due(device, measurement):
-            self._put(lambda: self._log.write_undecimated(device, measurement))
+            recorded = without_arrays(measurement)  # the queue must not hold them
+            self._put(lambda: self._log.write_undecimated(device, recorded))
 
     def output(self, output: Output | Event) -> None:
         """Queue an output or an event."""
