@@ -1,0 +1,264 @@
+"""The drift of the inertial system between two looks at the same ground.
+
+Each look is placed with the inertial solution of its own time.  A point of the ground is then at two places, and the
+difference is the drift ds of the solution from the first look to the second (Spiegel 2018, section 5.3).  Points of
+each look are compared with the surface of the other one (``residuals.py``), with robust weights, until ds is constant.
+
+Covariance.  Neighbouring residuals are correlated: both looks see the same trees and blocks from two sides.  The sums
+of residuals are therefore kept for each patch of ground; the covariance is that of the jackknife over the patches:
+
+    cov = (P - 1) / P  sum over patches of d_p d_p',    d_p = (D - D_p)^-1 q_p
+
+q_p the score of a patch, D the derivative of the scores.  The sigma of the residuals alone is 3 to 7 times too small
+over rough ground and woods.
+
+Directions.  The ground determines a horizontal direction if its information, without the height, is ``MIN_CERTAINTY``
+times its own standard deviation over the patches, and if the sigma is at most ``MAX_SD_M``.  In other directions the
+drift stays at zero, which is the inertial solution, and is not reported.
+
+Sources: Spiegel 2018, section 5.3; Huber 1981 (M-estimates); Cameron, Miller 2015 (jackknife over clusters).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from fti.arrays import Array, Mask
+from fti.nav.scan_matching.look import Look
+from fti.nav.scan_matching.plane_lattice import TIME, fit_planes, frame_around, surfaces_at
+from fti.nav.scan_matching.residuals import add_scores
+from fti.nav.scan_matching.shift_search import find_shifts
+
+#: Step of the lattice over the distance of the points: each node then has 7 to 13 points within its reach.
+STEP = 1.2
+#: Side of a patch [steps of the lattice].
+PATCH_STEPS = 8
+#: Patches with points and residuals, without which there is no covariance.
+MIN_PATCHES, MIN_RESIDUALS = 12, 400
+#: Information of a direction over its standard deviation; the largest sigma of a reported direction [m].
+MIN_CERTAINTY, MAX_SD_M = 4.0, 1.0
+#: Iterations, and the change that ends them [m].
+MAX_ITERATIONS, RESOLUTION_M = 12, 0.002
+#: Robust sigma over the median of the absolute values of normal numbers; its first value and its smallest one.
+MEDIAN_TO_SD, FIRST_SCALE, MIN_SCALE = 1.4826, 3.0, 0.3
+#: Distance of a rival in a measured direction that makes the pair ambiguous [steps].
+RIVAL_STEPS = 1.5
+#: A drift beyond so many sigma of what is expected is refused.
+MAX_SIGMAS = 5.0
+#: Index of the height among east, north, up.
+HEIGHT = 2
+
+
+class Refusal(StrEnum):
+    """Why two looks give no drift, or none in a direction.
+
+    FEW_POINTS : the looks have too little ground in common
+    FLAT       : the ground does not determine a horizontal direction
+    AMBIGUOUS  : the looks fit at another shift almost as well
+    UNEXPECTED : the drift is not consistent with the expected one, or the search does not end
+    """
+
+    FEW_POINTS = "few_points"
+    FLAT = "flat"
+    AMBIGUOUS = "ambiguous"
+    UNEXPECTED = "unexpected"
+
+
+@dataclass(frozen=True, eq=False)
+class ScanDrift:
+    """Drift of the inertial solution from the first look to the second.
+
+    axes_l  : ndarray, shape (m, 3)  measured directions, unit vectors (east, north, up); m = 0 to 3
+    drift   : ndarray, shape (m,) [m]     computed minus true displacement, along the axes
+    cov     : ndarray, shape (m, m) [m^2]
+    t, interval : mean time of the two looks, and the mean time to overlap (eq. 5.7) [s]; NaN without residuals
+    overlap : share of the points of both looks that have a residual
+    refusals : reasons of directions that are not measured
+    """
+
+    axes_l: Array
+    drift: Array
+    cov: Array
+    t: float
+    interval: float
+    overlap: float
+    refusals: tuple[Refusal, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Scores, information and curvature of the patches; residuals over their sigma."""
+
+    scores: Array
+    information: Array
+    curvature: Array
+    residuals: Array
+
+    @property
+    def used(self) -> Mask:
+        """Patches that contribute."""
+        return np.asarray(np.abs(self.scores).sum(axis=1) > 0.0)
+
+
+class _Pair:
+    """Two looks with their surfaces on one lattice."""
+
+    def __init__(self, first: Look, second: Look, step: float) -> None:
+        self.looks = first, second
+        self.frame = frame_around(self.looks, step)
+        self.corner = np.array([self.frame.east0, self.frame.north0])
+        self.planes = fit_planes(first, self.frame), fit_planes(second, self.frame)
+        self.own = tuple(
+            surfaces_at(planes, self.corner, step, look.points_l)
+            for planes, look in zip(self.planes, self.looks, strict=True)
+        )
+        self.middle = float(second.t.mean())
+        self.time = 0.5 * (float(first.t.mean()) + self.middle)
+
+    def sums(self, shift: Array, scale: float) -> _Sums:
+        """Sums at a shift, of the points of both looks."""
+        patches = -(-self.frame.rows // PATCH_STEPS), -(-self.frame.columns // PATCH_STEPS)
+        count, size = patches[0] * patches[1], len(shift)
+        scores, (information, curvature) = np.zeros((count, size)), np.zeros((2, count, size, size))
+        residuals = []
+        for number, sign in ((1, 1.0), (0, -1.0)):
+            look = self.looks[number]
+            residuals.append(np.empty(len(look)))
+            add_scores(
+                look.points_l, look.directions_l, look.t, self.own[number], self.planes[1 - number], self.corner,
+                self.frame.step, shift, self.middle, sign, look.range_sd, scale, PATCH_STEPS, patches,
+                scores, information, curvature, residuals[-1],
+            )  # fmt: skip
+        return _Sums(scores, information, curvature, np.concatenate(residuals))
+
+    def interval(self) -> float:
+        """Mean time to overlap [s], over the nodes that both looks know.  Eq. 5.7 with later minus earlier."""
+        return float(np.nanmean(self.planes[1][..., TIME] - self.planes[0][..., TIME]))
+
+
+def register(
+    first: Look, second: Look, expected_sd: float, *, step: float | None = None, changing: bool = False
+) -> ScanDrift:
+    """The drift from the first look to the second.
+
+    expected_sd : one sigma of the horizontal drift that the inertial solution expects [m]; limits the search
+    step        : of the lattice [m]; None: from the density of the points
+    changing    : estimate a change of the drift with time within the second look, too: for scanners
+    """
+    if min(len(first), len(second)) < MIN_RESIDUALS:
+        return _refused(Refusal.FEW_POINTS, first, second)
+    pair = _Pair(first, second, step or STEP * point_distance(second))
+    shifts = find_shifts(pair.planes, pair.frame.step, expected_sd)
+    if not len(shifts):
+        return _refused(Refusal.FEW_POINTS, first, second)
+    shift = np.zeros(6 if changing else 3)
+    shift[:2] = shifts[0]
+    try:
+        sums, axes, shift = _refine(pair, shift)
+        _refuse_rivals(shifts, axes, pair.frame.step)
+        return _result(pair, sums, axes, shift, expected_sd)
+    except _RefusalError as error:
+        return _refused(error.reason, first, second)
+
+
+def point_distance(look: Look) -> float:
+    """Distance of the points of a square grid of the same density [m]."""
+    # an evenly filled rectangle has the area 12 sqrt(det cov)
+    spread = np.cov(look.points_l[:, :2].T)
+    return float(np.sqrt(12.0 * np.sqrt(np.linalg.det(spread)) / len(look)))
+
+
+class _RefusalError(Exception):
+    """The pair has no drift."""
+
+    def __init__(self, reason: Refusal) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+def _refused(reason: Refusal, first: Look, second: Look) -> ScanDrift:
+    t = float(np.concatenate((first.t, second.t)).mean()) if len(first) + len(second) else np.nan
+    return ScanDrift(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 0)), t, np.nan, 0.0, (reason,))
+
+
+def _refine(pair: _Pair, shift: Array) -> tuple[_Sums, Array, Array]:
+    """The shift at which the scores of the measurable directions vanish; sums and directions there."""
+    scale = FIRST_SCALE
+    for _ in range(MAX_ITERATIONS):
+        sums = pair.sums(shift, scale)
+        found = np.abs(sums.residuals[np.isfinite(sums.residuals)])
+        if len(found) < MIN_RESIDUALS or sums.used.sum() < MIN_PATCHES:
+            raise _RefusalError(Refusal.FEW_POINTS)
+        scale = max(MEDIAN_TO_SD * float(np.median(found)), MIN_SCALE)
+        axes = _measurable_axes(sums)
+        basis = _parameters(axes, len(shift))
+        information = basis @ sums.information.sum(axis=0) @ basis.T
+        change = basis.T @ np.linalg.solve(information, basis @ sums.scores.sum(axis=0))
+        shift = shift + change
+        if float(np.abs(change[:3]).max()) < RESOLUTION_M:
+            return sums, axes, shift
+    raise _RefusalError(Refusal.UNEXPECTED)
+
+
+def _measurable_axes(sums: _Sums) -> Array:
+    """Horizontal directions that the ground determines, strongest first, and the vertical: shape (1 to 3, 3)."""
+    of_patches = sums.information[sums.used][:, :3, :3]
+    total = of_patches.sum(axis=0)
+    values, vectors = np.linalg.eigh(_without_height(total))
+    others = np.einsum("pij,ik,jk->pk", _without_height(total - of_patches), vectors, vectors)
+    certainty = values / np.sqrt((len(others) - 1.0) * others.var(axis=0))
+    axes = [[*vectors[:, k], 0.0] for k in (1, 0) if certainty[k] > MIN_CERTAINTY]
+    return np.array([*axes, [0.0, 0.0, 1.0]], dtype=np.float64)
+
+
+def _without_height(information: Array) -> Array:
+    """Information of the horizontal, for an unknown height, shape (..., 2, 2)."""
+    mixed = information[..., :2, HEIGHT]
+    product = mixed[..., :, None] * mixed[..., None, :] / information[..., HEIGHT, HEIGHT][..., None, None]
+    return np.asarray(information[..., :2, :2] - product)
+
+
+def _parameters(axes: Array, size: int) -> Array:
+    """Directions of the parameters: those of the drift, and of its change if the size is 6."""
+    return np.asarray(np.kron(np.eye(size // 3), axes))
+
+
+def _refuse_rivals(shifts: Array, axes: Array, step: float) -> None:
+    """Raises _RefusalError if a rival is elsewhere in a direction that the ground determines."""
+    apart = np.abs((shifts[1:] - shifts[0]) @ axes[:-1, :2].T)
+    if len(axes) > 1 and (apart > RIVAL_STEPS * step).any():
+        raise _RefusalError(Refusal.AMBIGUOUS)
+
+
+def _result(pair: _Pair, sums: _Sums, axes: Array, shift: Array, expected_sd: float) -> ScanDrift:
+    count, m = len(axes), len(shift)
+    basis = _parameters(axes, m)
+    cov = _jackknife(sums, basis)[:count, :count] + _held_error(sums, axes, expected_sd)
+    drift = axes @ shift[:3]
+    sd = np.sqrt(np.diag(cov))
+    if (np.abs(drift[:-1]) > MAX_SIGMAS * np.hypot(expected_sd, sd[:-1])).any():
+        raise _RefusalError(Refusal.UNEXPECTED)
+    keep = sd <= MAX_SD_M
+    points = len(pair.looks[0]) + len(pair.looks[1])
+    overlap = float(np.isfinite(sums.residuals).sum()) / points
+    refusals = () if keep.sum() == len(keep) == 3 else (Refusal.FLAT,)
+    return ScanDrift(axes[keep], drift[keep], cov[np.ix_(keep, keep)], pair.time, pair.interval(), overlap, refusals)
+
+
+def _jackknife(sums: _Sums, basis: Array) -> Array:
+    """Covariance of the parameters."""
+    scores = sums.scores[sums.used] @ basis.T
+    curvature = basis @ sums.curvature[sums.used] @ basis.T
+    changes = np.linalg.solve(curvature.sum(axis=0) - curvature, scores[..., None])[..., 0]
+    return np.asarray(changes.T @ changes * (len(changes) - 1.0) / len(changes), dtype=np.float64)
+
+
+def _held_error(sums: _Sums, axes: Array, expected_sd: float) -> Array:
+    """Covariance of the measured directions from the drift in the others, which are held."""
+    information = sums.information.sum(axis=0)[:3, :3]
+    held = np.eye(3) - axes.T @ axes
+    effect = np.linalg.solve(axes @ information @ axes.T, axes @ information @ held)
+    return np.asarray(expected_sd**2 * effect @ effect.T)

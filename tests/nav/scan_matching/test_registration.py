@@ -1,0 +1,223 @@
+"""Drift between two looks: closed forms, honest covariance, refusals.
+
+The looks are made here, from functions of east and north, not with the ray caster of fti.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fti.arrays import Array
+from fti.nav.scan_matching.look import Look, place_look
+from fti.nav.scan_matching.plane_lattice import SLOPE_EAST, SLOPE_NORTH, TIME, UP, fit_planes, frame_around, surfaces_at
+from fti.nav.scan_matching.registration import MAX_SD_M, STEP, Refusal, ScanDrift, point_distance, register
+
+Surface = Callable[[Array, Array], Array]
+HEIGHT_M, RANGE_SD, PIXELS = 300.0, 0.1, 61
+
+
+def hills(east: Array, north: Array) -> Array:
+    """Two waves of 4 m, 90 and 70 m long, and one across."""
+    return np.asarray(
+        4.0 * np.sin(east / 14.0 + 0.3)
+        + 4.0 * np.sin(north / 11.0)
+        + 2.0 * np.sin((east + north) / 17.0 + np.cos(east / 60.0))
+    )
+
+
+def ridges(east: Array, north: Array) -> Array:
+    """Hills that are the same everywhere to the north."""
+    return np.asarray(4.0 * np.sin(east / 14.0) + 3.0 * np.sin(east / 23.0) + 0.0 * north)
+
+
+def flat(east: Array, north: Array) -> Array:
+    return np.zeros_like(east)
+
+
+def look_at(
+    surface: Surface, east: float, north: float, rng: np.random.Generator, t: float, sd: float = RANGE_SD
+) -> Look:
+    """An image from above a place, with noise along the rays; points found by fixed-point iteration."""
+    tangent = np.linspace(-0.55, 0.55, PIXELS)
+    x, y = (grid.ravel() for grid in np.meshgrid(tangent, tangent))
+    rays = np.stack((x, y, -np.ones_like(x)), axis=1)
+    depth = np.full(len(x), HEIGHT_M)
+    for _ in range(60):
+        depth = HEIGHT_M - surface(east + x * depth, north + y * depth)
+    length = np.linalg.norm(rays, axis=1)
+    ranges = depth * length + sd * rng.standard_normal(len(x))
+    origin = np.array([east, north, HEIGHT_M])
+    return place_look(origin, rays / length[:, None], ranges, np.full(len(x), t), sd)
+
+
+def drift_of(
+    surface: Surface, offset: tuple[float, float, float], seed: int, expected_sd: float = 2.0, sd: float = RANGE_SD
+) -> ScanDrift:
+    rng = np.random.default_rng(seed)
+    east, north = rng.uniform(-500.0, 500.0, 2)
+    first = look_at(surface, east, north, rng, 0.0, sd)
+    second = look_at(surface, east + 60.0, north + 20.0, rng, 0.5, sd)
+    return register(first, second.moved(np.array(offset)), expected_sd)
+
+
+def in_level_axes(found: ScanDrift) -> tuple[Array, Array]:
+    """Drift east, north, up [m] and its covariance, of a drift in three directions."""
+    assert len(found.axes_l) == 3
+    return found.axes_l.T @ found.drift, found.axes_l.T @ found.cov @ found.axes_l
+
+
+def test_the_drift_is_found_within_its_sigma() -> None:
+    offset = np.array([1.7, -2.2, 0.8])
+    drift, cov = in_level_axes(drift_of(hills, tuple(offset), 1))
+    assert np.abs(drift - offset).max() < 0.05
+    assert np.sqrt(np.diag(cov)).max() < 0.05
+
+
+def test_the_sigma_is_that_of_the_errors() -> None:
+    offset = np.array([0.4, 0.2, -0.3])
+    errors = []
+    for seed in range(60):
+        drift, cov = in_level_axes(drift_of(hills, tuple(offset), seed))
+        errors.append((drift - offset) / np.sqrt(np.diag(cov)))
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert ((rms > 0.75) & (rms < 1.3)).all(), rms  # 60 pairs: 1 +- 0.09
+
+
+def test_time_and_overlap_are_those_of_the_looks() -> None:
+    found = drift_of(hills, (0.0, 0.0, 0.0), 2)
+    assert found.t == pytest.approx(0.25)
+    assert found.interval == pytest.approx(0.5)
+    assert found.overlap == pytest.approx((1 - 60 / 330) * (1 - 20 / 330), abs=0.08)
+
+
+def test_level_ground_gives_the_height_only() -> None:
+    found = drift_of(flat, (0.5, 0.3, 0.7), 3, sd=0.2)
+    assert found.axes_l.tolist() == [[0.0, 0.0, 1.0]]
+    assert found.refusals == (Refusal.FLAT,)
+    assert found.drift[0] == pytest.approx(0.7, abs=0.03)
+
+
+def test_ridges_give_the_direction_across() -> None:
+    found = drift_of(ridges, (1.1, 0.9, 0.2), 4)
+    assert found.refusals == (Refusal.FLAT,)
+    assert len(found.axes_l) == 2
+    east = found.axes_l[0, 0]
+    assert abs(east) == pytest.approx(1.0, abs=0.01)
+    assert found.drift[0] * np.sign(east) == pytest.approx(1.1, abs=0.05)
+    assert found.drift[1] == pytest.approx(0.2, abs=0.05)
+
+
+def test_equal_dunes_are_ambiguous() -> None:
+    """A period of 40 m, within the expected drift."""
+
+    def dunes(east: Array, north: Array) -> Array:
+        return np.asarray(2.0 * np.sin(2.0 * np.pi * east / 40.0) + 2.0 * np.sin(2.0 * np.pi * north / 40.0))
+
+    found = drift_of(dunes, (0.5, 0.5, 0.0), 5, expected_sd=16.0)
+    assert found.refusals == (Refusal.AMBIGUOUS,)
+    assert len(found.drift) == 0
+
+
+def test_a_large_drift_is_found_where_it_is_expected() -> None:
+    drift, _ = in_level_axes(drift_of(hills, (11.0, -8.0, 1.0), 6, expected_sd=6.0))
+    assert np.abs(drift - [11.0, -8.0, 1.0]).max() < 0.1
+
+
+def test_a_drift_that_was_not_expected_is_refused() -> None:
+    found = drift_of(hills, (3.0, 0.0, 0.0), 7, expected_sd=0.2)
+    assert found.refusals == (Refusal.UNEXPECTED,)
+
+
+def test_few_points_are_refused() -> None:
+    rng = np.random.default_rng(8)
+    first = look_at(hills, 0.0, 0.0, rng, 0.0)
+    second = look_at(hills, 900.0, 0.0, rng, 5.0)
+    assert register(first, second, 1.0).refusals == (Refusal.FEW_POINTS,)
+    empty = place_look(np.zeros(3), np.tile([0.0, 0.0, -1.0], (9, 1)), np.full(9, np.nan), np.zeros(9), 0.1)
+    assert register(first, empty, 1.0).refusals == (Refusal.FEW_POINTS,)
+
+
+def test_noise_of_slopes_is_no_information() -> None:
+    """Level ground with noise: the horizontal is refused, or its error is inside 4 sigma, in 200 of 200 pairs."""
+    worst = 0.0
+    for seed in range(200):
+        found = drift_of(flat, (0.5, 0.3, 0.0), 100 + seed, sd=0.2)
+        assert len(found.drift)
+        errors = found.drift - found.axes_l @ np.array([0.5, 0.3, 0.0])
+        worst = max(worst, float(np.abs(errors / np.sqrt(np.diag(found.cov))).max()))
+    assert worst < 4.5
+
+
+def test_a_drift_that_changes_within_the_look() -> None:
+    """A scanner whose lines come one after another: the points of the second look move with time."""
+    rng = np.random.default_rng(9)
+    first = look_at(hills, 0.0, 0.0, rng, 0.0)
+    image = look_at(hills, 40.0, 0.0, rng, 0.0)
+    t = 1.0 + (image.points_l[:, 0] - image.points_l[:, 0].mean()) / 170.0
+    rate = np.array([0.4, -0.3, 0.1])
+    moved = image.points_l + np.array([0.5, 0.2, -0.1]) + (t - t.mean())[:, None] * rate
+    second = Look(moved, image.directions_l, t, RANGE_SD)
+    drift, _ = in_level_axes(register(first, second, 1.0, changing=True))
+    assert np.abs(drift - [0.5, 0.2, -0.1]).max() < 0.05
+
+
+def test_planes_follow_a_plane_exactly() -> None:
+    rng = np.random.default_rng(10)
+    points = np.column_stack((rng.uniform(0.0, 100.0, (4000, 2)), np.zeros(4000)))
+    points[:, 2] = 3.0 + 0.2 * points[:, 0] - 0.1 * points[:, 1]
+    look = Look(points, np.tile([0.0, 0.0, -1.0], (4000, 1)), points[:, 0] / 100.0, 0.1)
+    assert point_distance(look) == pytest.approx(np.sqrt(100.0 * 100.0 / 4000.0), rel=0.05)
+    frame = frame_around((look,), STEP * point_distance(look))
+    found = surfaces_at(fit_planes(look, frame), np.array([frame.east0, frame.north0]), frame.step, points)
+    known = found[np.isfinite(found[:, UP])]
+    assert len(known) > 3000
+    assert np.nanmax(np.abs(found[:, UP] - points[:, 2])) < 1e-9
+    assert np.abs(known[:, SLOPE_EAST] - 0.2).max() < 1e-9
+    assert np.abs(known[:, SLOPE_NORTH] + 0.1).max() < 1e-9
+    assert np.nanmax(np.abs(found[:, TIME] - look.t)) < 0.02
+
+
+def test_points_of_different_times_are_no_surface() -> None:
+    rng = np.random.default_rng(11)
+    first = look_at(hills, 0.0, 0.0, rng, 0.0)
+    again = look_at(hills, 3.0, 2.0, rng, 2.0)
+    both = Look(
+        np.concatenate((first.points_l, again.points_l)), np.concatenate((first.directions_l, again.directions_l)),
+        np.concatenate((first.t, again.t)), RANGE_SD,
+    )  # fmt: skip
+    frame = frame_around((first, both), STEP * point_distance(first))
+    assert np.isfinite(fit_planes(first, frame)[..., UP]).sum() > 2000
+    assert np.isfinite(fit_planes(both, frame)[..., UP]).sum() < 100
+
+
+@pytest.mark.parametrize(
+    ("points", "t", "sd", "message"),
+    [
+        (np.zeros((3, 2)), np.zeros(3), 0.1, "points_l has the shape"),
+        (np.full((3, 3), np.nan), np.zeros(3), 0.1, "points_l has values that are not finite"),
+        (np.zeros((3, 3)), np.zeros(3), 0.0, "range_sd is 0.0 m, must be positive"),
+    ],
+)
+def test_a_look_refuses_what_is_no_look(points: Array, t: Array, sd: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Look(points, np.zeros((3, 3)), t, sd)
+
+
+def test_a_look_of_two_places_is_refused() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [1e6, 0.0, 0.0]])
+    look = Look(points, np.zeros((2, 3)), np.zeros(2), 0.1)
+    with pytest.raises(ValueError, match="at most 1000 each way"):
+        frame_around((look,), 1.0)
+
+
+def test_the_largest_sigma_is_that_of_the_limit() -> None:
+    """Gentle ground: what is reported has a sigma within the limit."""
+
+    def gentle(east: Array, north: Array) -> Array:
+        return np.asarray(0.05 * hills(east, north))
+
+    found = drift_of(gentle, (0.1, 0.1, 0.0), 12, sd=0.3)
+    assert (np.sqrt(np.diag(found.cov)) <= MAX_SD_M).all()
