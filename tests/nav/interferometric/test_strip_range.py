@@ -87,6 +87,31 @@ def test_unknown_ground_within_reach_is_an_unknown_range() -> None:
     assert np.isnan(strip_ranges(plane(), edge, strip(*attitude()))).tolist() == [False, True]
 
 
+def test_the_range_does_not_depend_on_the_positions_before() -> None:
+    """Ground 150 m high on the right and unknown ground behind it: the nearest point jumps, and may be out of reach."""
+    axis = np.arange(-HALF, HALF + CELL, CELL)
+    window = window_of(np.where(axis > 400.0, 150.0, 0.0) + 20.0 * np.sin(axis[:, None] / 200.0))
+    window.heights[:, axis > 500.0] = np.nan
+    positions = np.column_stack((np.linspace(-1500.0, 450.0, 60), np.linspace(-900.0, 900.0, 60), np.full(60, 2000.0)))
+    seen = strip(*attitude(roll=5.0, crab=30.0))
+    alone = [float(strip_ranges(window, position[None], seen)[0]) for position in positions]
+    assert np.isnan(alone).any() and np.isfinite(alone).any()
+    for order in (slice(None), slice(None, None, -1), np.random.default_rng(1).permutation(60)):
+        assert strip_ranges(window, positions[order], seen).tolist() == pytest.approx(
+            np.array(alone)[order], nan_ok=True, abs=0.0
+        )
+
+
+def test_above_unknown_ground_and_below_the_highest_ground() -> None:
+    """All posts unknown: no range.  A hill that is higher than the aircraft, 3 km away: the ground below is nearest."""
+    window = plane()
+    window.heights[:] = np.nan
+    assert np.isnan(strip_ranges(window, ABOVE, strip(*attitude()))).all()
+    hill = plane()
+    hill.heights[:, -20:] = 3000.0
+    assert strip_ranges(hill, ABOVE, strip(*attitude())) == pytest.approx([2000.0], abs=1e-6)
+
+
 def test_without_a_horizontal_velocity_there_is_no_strip() -> None:
     with pytest.raises(ValueError, match="horizontal part"):
         Strip(np.array([0.0, 0.0, 5.0]), np.array([1.0, 0.0, 0.0]), 0.04, 0.5)
