@@ -59,6 +59,7 @@ CORRIDOR_M, NODE_M = 500.0, 40.0
 MAX_OFF_M = 500.0
 RUNS_PER_GROUND = 4
 ALTIMETER = InterferometricAltimeter()
+STRIP = Strip(VELOCITY_L, MAT_LS[:, 1].copy(), 0.5 * ALTIMETER.swath_width, 0.5 * ALTIMETER.field_of_view)
 RADAR_BEAM, RADAR_NOISE_M = math.radians(40.0), 10.0
 RADAR = InterferometricAltimeter(swath_width=RADAR_BEAM, field_of_view=RADAR_BEAM, rays=(21, 21))
 #: One sigma of the height of the measured point, and of the range, as they are drawn.
@@ -179,8 +180,7 @@ def _map_ranges(posts: TerrainWindow) -> TerrainWindow:
     half_east, half_north = CORRIDOR_M, CORRIDOR_M + MAX_OFF_M + 0.5 * SPEED_MPS * SAMPLES
     east, north = (np.arange(-half, half + NODE_M, NODE_M) for half in (half_east, half_north))
     nodes = np.stack(np.broadcast_arrays(east, north[:, None], HEIGHT_M), axis=-1).reshape(-1, 3)
-    strip = Strip(VELOCITY_L, MAT_LS[:, 1].copy(), 0.5 * ALTIMETER.swath_width, 0.5 * ALTIMETER.field_of_view)
-    apparent = HEIGHT_M - strip_ranges(posts, nodes, strip).reshape(len(north), len(east))
+    apparent = HEIGHT_M - strip_ranges(posts, nodes, STRIP).reshape(len(north), len(east))
     return TerrainWindow(apparent, NODE_M, float(east[0]), float(north[0]))
 
 
