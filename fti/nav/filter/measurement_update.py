@@ -38,6 +38,7 @@ from fti.nav.filter.innovation_gate import (
     is_bounded_by_others,
     update_states,
 )
+from fti.nav.filter.look_mark import LookMark
 from fti.nav.filter.position_mark import PositionMark
 
 _NO_INNOVATION = np.zeros(0)
@@ -55,8 +56,8 @@ class UpdateResult(NamedTuple):
 
 def update_estimate(estimate: Estimate, states: GateStates, aiding: Aiding, t_ns: int) -> UpdateResult:
     """Test a measurement with the estimate of its time, and apply it if it is accepted."""
-    if isinstance(aiding, PositionMark):
-        return UpdateResult(aiding.copy_position(estimate), states, GateDecision.ACCEPTED, 0.0, _NO_INNOVATION)
+    if isinstance(aiding, PositionMark | LookMark):
+        return UpdateResult(aiding.copy_states(estimate), states, GateDecision.ACCEPTED, 0.0, _NO_INNOVATION)
     matrices = aiding.compute_matrices(estimate)
     state = states.get(aiding.name)
     if state is not None and state.exclusion.cause is not None:

@@ -58,7 +58,7 @@ class PositionMark(NoOwnStates):
         """No measurement."""
         return np.zeros(0), np.zeros((0, estimate.model.size)), np.zeros((0, 0))
 
-    def copy_position(self, estimate: Estimate) -> Estimate:
+    def copy_states(self, estimate: Estimate) -> Estimate:
         """The estimate whose mark is its position."""
         model, y, P = estimate.model, estimate.y.copy(), estimate.P.copy()
         first = model.columns[MARK[0]]

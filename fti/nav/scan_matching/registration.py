@@ -75,6 +75,7 @@ class ScanDrift:
     drift   : ndarray, shape (m,) [m]     computed minus true displacement, along the axes
     cov     : ndarray, shape (m, m) [m^2]
     t, interval : mean time of the two looks, and the mean time to overlap (eq. 5.7) [s]; NaN without residuals
+    centre_l : ndarray, shape (3,) [m]  middle of the points that have a residual; NaN without residuals
     overlap : share of the points of both looks that have a residual
     refusals : reasons of directions that are not measured
     """
@@ -84,6 +85,7 @@ class ScanDrift:
     cov: Array
     t: float
     interval: float
+    centre_l: Array
     overlap: float
     refusals: tuple[Refusal, ...]
 
@@ -181,7 +183,7 @@ class _RefusalError(Exception):
 
 def _refused(reason: Refusal, first: Look, second: Look) -> ScanDrift:
     t = float(np.concatenate((first.t, second.t)).mean()) if len(first) + len(second) else np.nan
-    return ScanDrift(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 0)), t, np.nan, 0.0, (reason,))
+    return ScanDrift(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 0)), t, np.nan, np.full(3, np.nan), 0.0, (reason,))
 
 
 def _refine(pair: _Pair, shift: Array) -> tuple[_Sums, Array, Array]:
@@ -242,10 +244,19 @@ def _result(pair: _Pair, sums: _Sums, axes: Array, shift: Array, expected_sd: fl
     if (np.abs(drift[:-1]) > MAX_SIGMAS * np.hypot(expected_sd, sd[:-1])).any():
         raise _RefusalError(Refusal.UNEXPECTED)
     keep = sd <= MAX_SD_M
-    points = len(pair.looks[0]) + len(pair.looks[1])
-    overlap = float(np.isfinite(sums.residuals).sum()) / points
+    seen = np.isfinite(sums.residuals)
+    centre = np.concatenate((pair.looks[1].points_l, pair.looks[0].points_l))[seen].mean(axis=0)
     refusals = () if keep.sum() == len(keep) == 3 else (Refusal.FLAT,)
-    return ScanDrift(axes[keep], drift[keep], cov[np.ix_(keep, keep)], pair.time, pair.interval(), overlap, refusals)
+    return ScanDrift(
+        axes[keep],
+        drift[keep],
+        cov[np.ix_(keep, keep)],
+        pair.time,
+        pair.interval(),
+        centre,
+        float(seen.mean()),
+        refusals,
+    )
 
 
 def _jackknife(sums: _Sums, basis: Array) -> Array:

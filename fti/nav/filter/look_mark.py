@@ -1,0 +1,153 @@
+"""Position and attitude at a look as states of the filter, and the drift between two looks as a measurement of them.
+
+A point of the ground at the vector r from the aircraft is at x + r.  The solution that places a look (``pose``) errs by
+a displacement and a turn, and two looks at the same point differ by
+
+    ds = (x_2 + r_2 - x_1 - r_1) computed = d_1 - d_2 + psi_1 x r_1 - psi_2 x r_2,    d, psi : truth minus solution
+
+Position and attitude are copied into states at each look (stochastic cloning), which keep their covariance with all
+others.  d and psi are those states, relative to the pose that placed the look; the second look is the present.
+
+    d_mark = x(t_look) - x_pose,   psi_mark = turn from the pose's attitude to that of t_look,   d/dt = 0
+
+Two slow states are errors of the sensor: a share of the displacement between the looks (range scale, and the shift that
+rough ground and woods cause since both looks see them from opposite sides), and the angle of its mounting about the
+vertical, which moves the second look across the track.
+
+    ds += share (x_2 - x_1) + angle down x (x_2 - x_1)
+
+The printed aiding (Spiegel 2018, eq. 5.9 to 5.13) has no attitude: a heading error psi shifts a pair by v dt psi.
+Source: Spiegel 2018, section 5.5 as corrected in docs/errata.md; Roumeliotis, Burdick 2002 (stochastic cloning).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.arrays import Array
+from fti.nav.filter.aiding import NO_AXES, NoOwnStates, enter_drift, skew
+from fti.nav.filter.antenna import Matrices
+from fti.nav.filter.error_states import Drift
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.kernels import EXTRAS
+from fti.nav.filter.position_mark import MARK_DRIFT
+from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
+
+#: States of a look: position and turn.
+STATES = 6
+#: Name of the drifts in the filter; devices name no quantity so.
+SCAN_DRIFT = "scan.drift"
+#: Share of the displacement, and mounting about the vertical [rad], by their names.
+SHARE, YAW = "scan_share", "scan_yaw"
+#: 0.12 to 0.22 m in a pair of 170 m over rough ground and woods, another one with the next land cover.
+SHARE_DRIFT = Drift(0.002, length_m=10e3)
+#: Mounting that was surveyed on the ground.
+YAW_DRIFT = Drift(math.radians(0.2))
+
+
+def look_drifts(looks: int) -> dict[str, Drift]:
+    """States of so many looks, and of the errors of the sensor."""
+    names = [name for slot in range(looks) for name in _names(slot)]
+    return {**dict.fromkeys(names, MARK_DRIFT), SHARE: SHARE_DRIFT, YAW: YAW_DRIFT}
+
+
+def _names(slot: int) -> list[str]:
+    return [f"look{slot}.{what}_{axis}" for what in ("position", "turn") for axis in "xyz"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LookMark(NoOwnStates):
+    """Copies position and attitude at a look into its states.
+
+    slot  : number of the states, from 0
+    x_e   : ndarray, shape (3,) [m]   position of the pose that places the look
+    mat_eb : ndarray, shape (3, 3)    its attitude
+    """
+
+    slot: int
+    x_e: Array
+    mat_eb: Array
+    name: str = "scan.mark"
+    bounds = NO_AXES
+
+    @property
+    def is_conceivable(self) -> bool:
+        """Whether all values are finite."""
+        return bool(np.isfinite(self.x_e).all() and np.isfinite(self.mat_eb).all())
+
+    def compute_matrices(self, estimate: Estimate) -> Matrices:
+        """No measurement."""
+        return np.zeros(0), np.zeros((0, estimate.model.size)), np.zeros((0, 0))
+
+    def copy_states(self, estimate: Estimate) -> Estimate:
+        """The estimate whose states of the look are its position and attitude."""
+        model, y, P = estimate.model, estimate.y.copy(), estimate.P.copy()
+        first = self.first_column(estimate)
+        slow = EXTRAS + first - model.base
+        y[slow : slow + STATES] = self.error_of(estimate)
+        for at, source in ((first, POS), (first + 3, TURN)):
+            P[at : at + 3] = P[source : source + 3]
+            P[:, at : at + 3] = P[:, source : source + 3]
+        return Estimate(estimate.t_ns, y, P, estimate.imu, model)
+
+    def first_column(self, estimate: Estimate) -> int:
+        """Of its states."""
+        return estimate.model.columns[_names(self.slot)[0]]
+
+    def error_of(self, estimate: Estimate) -> Array:
+        """Displacement [m] and turn [rad] from the pose to an estimate, e, shape (6,)."""
+        turn = estimate.mat_eb @ self.mat_eb.T
+        axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        return np.concatenate((estimate.y[:VEL] - self.x_e, axis))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LookDrift(NoOwnStates):
+    """The measured drift from a marked look to the present one.
+
+    first, second : poses of the two looks; the first one is marked
+    centre_e : ndarray, shape (3,) [m]    middle of the ground that both looks see
+    axes_e   : ndarray, shape (m, 3)      measured directions
+    drift    : ndarray, shape (m,) [m]    computed minus true displacement along them
+    cov      : ndarray, shape (m, m) [m^2]
+    """
+
+    first: LookMark
+    second: LookMark
+    centre_e: Array
+    axes_e: Array
+    drift: Array
+    cov: Array
+    name: str = SCAN_DRIFT
+    bounds = NO_AXES  # with a drift only, the position still drifts slowly
+
+    @property
+    def is_conceivable(self) -> bool:
+        """Whether all values are finite, and the covariance is positive."""
+        if not (self.first.is_conceivable and self.second.is_conceivable and len(self.drift)):
+            return False
+        finite = all(np.isfinite(value).all() for value in (self.centre_e, self.axes_e, self.drift, self.cov))
+        return finite and float(np.linalg.eigvalsh(self.cov)[0]) > 0.0
+
+    def compute_matrices(self, estimate: Estimate) -> Matrices:
+        """z = axes (ds - (d_1 - d_2 + psi_1 x r_1 - psi_2 x r_2) - errors of the sensor)."""
+        model = estimate.model
+        column = self.first.first_column(estimate)
+        slow = EXTRAS + column - model.base
+        rows = np.zeros((3, model.size))
+        rows[:, column : column + 3] = np.eye(3)
+        rows[:, column + 3 : column + STATES] = -skew(self.centre_e - self.first.x_e)
+        rows[:, POS:VEL] = -np.eye(3)
+        rows[:, TURN:ACCEL] = skew(self.centre_e - self.second.x_e)
+        expected = rows[:, column : column + STATES] @ estimate.y[slow : slow + STATES]
+        now = self.second.error_of(estimate)
+        expected += rows[:, POS:VEL] @ now[:3] + rows[:, TURN:ACCEL] @ now[3:]
+        travel = self.second.x_e - self.first.x_e
+        aside = np.cross(estimate.mat_en[:, 2], travel)
+        for i in range(3):
+            expected[i] += enter_drift(estimate, SHARE, rows[i], float(travel[i]))
+            expected[i] += enter_drift(estimate, YAW, rows[i], float(aside[i]))
+        return self.drift - self.axes_e @ expected, np.ascontiguousarray(self.axes_e @ rows), self.cov

@@ -1,0 +1,184 @@
+"""The drift between two looks as a measurement of position and attitude at both."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fti.arrays import Array, Rng
+from fti.geodesy.quaternions import quat_from_mat
+from fti.geodesy.rotations import mat_from_rpy
+from fti.nav.filter import kernels
+from fti.nav.filter.error_states import FilterModel
+from fti.nav.filter.estimate import Estimate, InitialState
+from fti.nav.filter.kernels import EXTRAS
+from fti.nav.filter.look_mark import SHARE, STATES, YAW, LookDrift, LookMark, look_drifts
+from fti.nav.filter.navigator import InertialNavigator
+from fti.nav.inertial.ins_error_model import ACCEL, TURN, VEL
+
+MODEL = FilterModel(extras=look_drifts(3))
+START = InitialState(
+    0.83, 0.2, 600.0, (170.0, 5.0, -1.0), 0.02, 0.03, 0.4, (5.0,) * 3, (0.5,) * 3, (0.003,) * 3
+)  # fmt: skip
+
+
+def turn_of(vector: Array) -> Array:
+    """Rotation by a vector [rad], from its series to the fourth power."""
+    x, y, z = vector
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + skew + skew @ skew / 2 + skew @ skew @ skew / 6)
+
+
+class Geometry:
+    """Two true poses, those that placed the looks (errors: metres, milliradians), and a point of the ground."""
+
+    def __init__(self, rng: Rng) -> None:
+        self.start = START.estimate(0, np.zeros(6), MODEL)
+        up = self.start.y[:3] / np.linalg.norm(self.start.y[:3])
+        north = self.start.mat_en[:, 0]
+        self.x = [self.start.y[:3], self.start.y[:3] + 170.0 * north]
+        self.mats = [self.start.mat_en @ mat_from_rpy(*(0.2 * rng.standard_normal(3))) for _ in range(2)]
+        self.ground = self.start.y[:3] + 90.0 * north - 300.0 * up + 30.0 * self.start.mat_en[:, 1]
+        self.offsets = 3.0 * rng.standard_normal((2, 3))
+        self.turns = 1e-3 * rng.standard_normal((2, 3))
+        self.marks = [
+            LookMark(slot, x - d, turn_of(psi).T @ mat)
+            for slot, (x, d, psi, mat) in enumerate(zip(self.x, self.offsets, self.turns, self.mats, strict=True))
+        ]
+
+    def seen(self, look: int) -> Array:
+        """The point of the ground as a look places it."""
+        vector_b = self.mats[look].T @ (self.ground - self.x[look])
+        mark = self.marks[look]
+        return np.asarray(mark.x_e + mark.mat_eb @ vector_b)
+
+    def measured(self, axes: Array | None = None) -> LookDrift:
+        """The exact drift."""
+        axes = np.eye(3) if axes is None else axes
+        drift = axes @ (self.seen(1) - self.seen(0))
+        centre = 0.5 * (self.seen(0) + self.seen(1))
+        return LookDrift(self.marks[0], self.marks[1], centre, axes, drift, 0.01 * np.eye(len(axes)))
+
+    def truth(self) -> Estimate:
+        """A filter without errors at the second look, whose first look is marked."""
+        y = self.start.y.copy()
+        y[:3], y[6:10] = self.x[1], quat_from_mat(self.mats[1])
+        slow = EXTRAS + MODEL.columns["look0.position_x"] - MODEL.base
+        y[slow : slow + STATES] = np.concatenate((self.offsets[0], self.turns[0]))
+        return Estimate(0, y, self.start.P, self.start.imu, MODEL)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_filter_without_errors_expects_what_the_geometry_gives(seed: int) -> None:
+    geometry = Geometry(np.random.default_rng(seed))
+    measured = geometry.measured()
+    assert np.linalg.norm(measured.drift) > 0.5
+    innovation, _, _ = measured.compute_matrices(geometry.truth())
+    assert np.abs(innovation).max() < 0.02  # products of errors: some metres times some milliradians
+
+
+def test_the_rows_are_the_derivatives() -> None:
+    """Position, turn, states of the look and of the sensor: a correction by x changes z by -H x."""
+    geometry = Geometry(np.random.default_rng(9))
+    estimate, measured = geometry.truth(), geometry.measured()
+    before, H, _ = measured.compute_matrices(estimate)
+    for column in range(MODEL.size):
+        x = np.zeros(MODEL.size)
+        x[column] = 1e-4
+        y = estimate.y.copy()
+        kernels.correct(y, x.copy(), len(MODEL.extras))
+        after, _, _ = measured.compute_matrices(Estimate(0, y, estimate.P, estimate.imu, MODEL))
+        assert after - before == pytest.approx(-H @ x, abs=1e-7 + 2e-3 * np.abs(H @ x).max()), column
+    used = np.flatnonzero(np.abs(H).sum(axis=0))
+    look = MODEL.columns["look0.position_x"]
+    assert set(used) == {*range(3), *range(TURN, ACCEL), *range(look, look + STATES), MODEL.columns[SHARE],
+                         MODEL.columns[YAW]}  # fmt: skip
+
+
+def test_a_mark_copies_position_and_attitude_with_their_covariance() -> None:
+    geometry = Geometry(np.random.default_rng(3))
+    estimate = geometry.truth()
+    P = np.cov(np.random.default_rng(4).standard_normal((MODEL.size, 200)))
+    marked = geometry.marks[1].copy_states(Estimate(0, estimate.y, P, estimate.imu, MODEL))
+    first = MODEL.columns["look1.position_x"]
+    assert marked.P[first : first + 3, first : first + 3] == pytest.approx(P[:3, :3])
+    assert marked.P[first + 3 : first + 6, :ACCEL] == pytest.approx(P[TURN:ACCEL, :ACCEL])
+    assert np.abs(marked.P - marked.P.T).max() == 0.0
+    slow = EXTRAS + first - MODEL.base
+    assert marked.y[slow : slow + 3] == pytest.approx(geometry.offsets[1], abs=1e-6)
+    assert marked.y[slow + 3 : slow + 6] == pytest.approx(geometry.turns[1], abs=1e-6)
+    assert marked.y[:EXTRAS] == pytest.approx(estimate.y[:EXTRAS])
+
+
+def test_a_heading_error_of_both_looks_is_no_drift() -> None:
+    """The same turn psi and no displacement: v dt psi, which a velocity would take for a speed across the track."""
+    geometry = Geometry(np.random.default_rng(5))
+    down = geometry.start.mat_en[:, 2]
+    geometry.offsets[:], geometry.turns[:] = 0.0, 1e-3 * down
+    geometry.marks = [
+        LookMark(k, x, turn_of(1e-3 * down).T @ mat)
+        for k, (x, mat) in enumerate(zip(geometry.x, geometry.mats, strict=True))
+    ]
+    measured = geometry.measured()
+    assert np.linalg.norm(measured.drift) == pytest.approx(0.17, abs=0.01)
+    innovation, _, _ = measured.compute_matrices(geometry.truth())
+    assert np.abs(innovation).max() < 1e-3
+
+
+def test_errors_of_the_sensor_explain_a_share_and_an_angle_of_the_way() -> None:
+    geometry = Geometry(np.random.default_rng(6))
+    measured, truth = geometry.measured(), geometry.truth()
+    travel = geometry.marks[1].x_e - geometry.marks[0].x_e
+    down = truth.mat_en[:, 2]
+    y = truth.y.copy()
+    for name, value in ((SHARE, 2e-3), (YAW, 3e-3)):
+        y[EXTRAS + MODEL.columns[name] - MODEL.base] = value
+    changed = replace(measured, drift=measured.drift + 2e-3 * travel + 3e-3 * np.cross(down, travel))
+    innovation, _, _ = changed.compute_matrices(Estimate(0, y, truth.P, truth.imu, MODEL))
+    assert innovation == pytest.approx(measured.compute_matrices(truth)[0], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"drift": np.full(3, np.nan)}, {"cov": np.zeros((3, 3))}, {"centre_e": np.full(3, np.inf)},
+     {"axes_e": np.zeros((0, 3)), "drift": np.zeros(0), "cov": np.zeros((0, 0))}],
+)  # fmt: skip
+def test_what_is_no_measurement_is_refused(wrong: dict[str, Array]) -> None:
+    geometry = Geometry(np.random.default_rng(7))
+    navigator = InertialNavigator(MODEL)
+    navigator.begin(0, START, np.array([0.0, 0.0, -9.8]), np.zeros(3))
+    navigator.feed_inertial(10_000_000, (0.0, 0.0, -9.8), (0.0, 0.0, 0.0))
+    navigator.feed_aiding(10_000_000, geometry.measured())
+    assert not navigator.refused
+    navigator.feed_aiding(10_000_000, replace(geometry.measured(), **wrong))  # type: ignore[arg-type]
+    assert sum(navigator.refused.values()) == 1
+
+
+def test_drifts_hold_the_velocity_that_the_filter_would_lose() -> None:
+    """Straight on at 170 m/s with an unknown velocity of 0.5 m/s: exact drifts of 1 s leave a tenth of it."""
+    navigator = InertialNavigator(MODEL)
+    force, still = np.array([0.0, 0.0, -9.8]), np.zeros(3)
+    navigator.begin(0, START, force, still)
+    marks: dict[int, LookMark] = {}
+    for k in range(1, 1001):
+        navigator.feed_inertial(10_000_000 * k, force, still)
+        if k % 100:
+            continue
+        estimate = navigator.at(10_000_000 * k)
+        assert estimate is not None
+        mark = LookMark((k // 100) % 3, estimate.y[:3].copy(), estimate.mat_eb.copy())
+        first = marks.get(k - 100)
+        if first is not None:
+            centre = 0.5 * (mark.x_e + first.x_e) - 300.0 * mark.x_e / np.linalg.norm(mark.x_e)
+            drift = LookDrift(first, mark, centre, np.eye(3), np.zeros(3), 1e-4 * np.eye(3))
+            navigator.feed_aiding(10_000_000 * k, drift)
+        navigator.feed_aiding(10_000_000 * k, mark)
+        marks[k] = mark
+    end = navigator.at(10_000_000_000)
+    assert end is not None
+    sd = np.sqrt(np.diag(end.P)[VEL:TURN])
+    assert sd.max() < 0.6  # heading and attitude remain, 3 mrad of 170 m/s
+    along = end.mat_en[:, 0] * np.cos(0.4) + end.mat_en[:, 1] * np.sin(0.4)
+    assert float(np.sqrt(along @ end.P[VEL:TURN, VEL:TURN] @ along)) < 0.05 + 0.002 * 170.0
