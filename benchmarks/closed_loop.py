@@ -29,9 +29,10 @@ from benchmarks.parts.machine import Targets, machine
 from fti.arrays import Array
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
+from fti.nav.five_point_search import five_point_search
 from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
 from fti.nav.terrain_matching.fix import match
-from fti.nav.terrain_matching.search import Lattice, five_point_search
+from fti.nav.terrain_matching.search import Lattice
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.beam import make_beam

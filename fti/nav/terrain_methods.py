@@ -33,6 +33,7 @@ import numpy as np
 from fti.arrays import Array
 from fti.config import Altimeter
 from fti.nav.altimetry.expected_range import make_radar_model
+from fti.nav.five_point_search import five_point_search
 from fti.nav.height_profile import ProfileSamples
 from fti.nav.match_task import MatchTask
 from fti.nav.separation.copies import largest_sd
@@ -47,7 +48,7 @@ from fti.nav.terrain_matching.nearest_surface import RadarTrack, nearest_surface
 from fti.nav.terrain_matching.printed_metric import matching_covariance, mean_absolute_residual
 from fti.nav.terrain_matching.profile import MIN_SAMPLES, Profile
 from fti.nav.terrain_matching.reach import search_area
-from fti.nav.terrain_matching.search import Lattice, five_point_search
+from fti.nav.terrain_matching.search import Lattice
 from fti.nav.terrain_matching.window import TerrainWindow
 from fti.ranging.sensor import Poses
 from fti.terrain.terrain import Terrain

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fti.nav.terrain_matching.search import five_point_search
+from fti.nav.five_point_search import five_point_search
 from fti.study import ppsan
 from fti.study.ppsan import experiment, judge
 from fti.study.ppsan.exact import ExactLikelihood, FootprintMetric, search_grids, shifted_poses

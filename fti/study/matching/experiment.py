@@ -12,13 +12,14 @@ import numpy as np
 from fti.arrays import Array, Ints, Rng
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
+from fti.nav.five_point_search import five_point_search
 from fti.nav.terrain_matching.acquisition import FIXES, Acquisition
 from fti.nav.terrain_matching.apparent_surface import RangeTrack, apparent_surface
 from fti.nav.terrain_matching.fix import MatchPriors, match
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_matching.printed_metric import mean_absolute_residual
 from fti.nav.terrain_matching.profile import Profile
-from fti.nav.terrain_matching.search import Lattice, five_point_search
+from fti.nav.terrain_matching.search import Lattice
 from fti.nav.terrain_matching.selection import select_samples
 from fti.nav.terrain_matching.window import TerrainWindow, cut_window
 from fti.ranging.laser import Laser

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fti.arrays import Array
+from fti.nav.five_point_search import five_point_search
 from fti.nav.terrain_matching.printed_metric import matching_covariance
-from fti.nav.terrain_matching.search import five_point_search
 from fti.study import StudyResult
 from fti.study.matching.experiment import (
     DRIFT_SD_MPS,

@@ -7,9 +7,10 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from fti.arrays import Array
+from fti.nav.five_point_search import five_point_search
 from fti.nav.terrain_matching.likelihood import Likelihood
 from fti.nav.terrain_matching.profile import Profile
-from fti.nav.terrain_matching.search import Lattice, five_point_search, search_lattice
+from fti.nav.terrain_matching.search import Lattice, search_lattice
 from fti.nav.terrain_matching.window import cut_window
 from fti.terrain.layer import Layer
 from fti.terrain.terrain import Terrain
