@@ -23,6 +23,7 @@ from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.scenario import Scenario
 from fti.hil.tables.fault_types import Obstacle, TerrainShift, WholeFlightFault
 from fti.nav.integrity.approach import ApproachPath
+from fti.ranging.exposure import epoch_times, point_rays
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
 from fti.ranging.sensor import Poses, RangingSensor, Returns, sensor_poses
@@ -120,6 +121,14 @@ class Environment:
     def returns(self, sensor: RangingSensor, t: Array, device: Device) -> Returns:
         """Returns of a sensor with the mounting of the device at times t [s], without noise of the instrument."""
         return sensor.measure(self.terrain, self._poses(t, device))
+
+    def point_rays(self, times: Array, directions_s: Array, device: Device) -> tuple[Array, Array]:
+        """Origins [m] and unit vectors in the terrain's frame, each (n, 3), of points of a scanner or imager.
+
+        times : when each is measured, (n,) [s], at most a few milliseconds after the flight;  directions_s : (n, 3)
+        """
+        epochs = epoch_times(float(times.min()), float(times.max()))
+        return point_rays(epochs, self._poses(np.minimum(epochs, self.duration), device), times, directions_s)
 
     def range_bounds(self, t: Array, device: Device, within: float) -> tuple[Array, Array, Array]:
         """Range [m] of an altimeter at times t [s], and the smallest and largest of the ranges at its position and

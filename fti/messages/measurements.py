@@ -140,6 +140,10 @@ class PointArrays(Arrays, kw_only=True):
     offsets: bytes = b""
     intensities: bytes = b""
 
+    def __repr__(self) -> str:
+        """The number of points: in a message of an error their bytes would hide everything else."""
+        return f"PointArrays({len(self.offsets) // 4} points)"
+
 
 class RangeScan(Message, kw_only=True):
     """Ranges along many directions, measured one after the other or at once: a line, an image, or a part of a turn.

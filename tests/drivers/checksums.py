@@ -109,4 +109,5 @@ UNCHECKED = {
     "freeflight_ra4500": "the maker's checksum is not public; an option, off by default",
     "honeywell_hmr2300": "the device sends none; words are found by their distance",
     "lightware_ascii": "the device sends none",
+    "velodyne_vlp16": "the device sends none",
 }

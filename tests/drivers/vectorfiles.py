@@ -23,6 +23,7 @@ from fti import config, drivers
 from fti.drivers import Counters, Decoder, Driver
 from fti.messages import measurements
 from fti.messages.measurements import Measurement, Stamp
+from fti.ranging.scan_points import make_scan, point_arrays
 
 FOLDER = Path(__file__).parent / "vectors"
 CAN_FRAME = 16
@@ -88,7 +89,10 @@ def assert_accounted(counters: Counters, fed: int) -> None:
 
 
 def make(facts: dict[str, Any], stamp: Stamp) -> Measurement:
-    """A measurement of plain facts: its class by name, its fields."""
+    """A measurement of plain facts: its class by name, its fields; all points of a scan have its median."""
+    if facts["measurement"] == "RangeScan":
+        count = facts["points"]
+        return make_scan(stamp, [facts["median"]] * count, point_arrays([(0.0, 0.0, 1.0)] * count, [0.0] * count))
     fields = {k: tuple(v) if isinstance(v, list) else v for k, v in facts.items() if k != "measurement"}
     measurement: Measurement = getattr(measurements, facts["measurement"])(stamp=stamp, **fields)
     return measurement

@@ -45,7 +45,6 @@ def scenario(**keys: object) -> Scenario:
     return Scenario.model_validate({"title": "test", "description": "", "config": "none", **keys})
 
 
-def world(duration_s: float = 10.0, **keys: object) -> Environment:
-    return Environment(
-        scenario(flight=ApproachFlight(duration_s=duration_s), **keys), path(), flat_terrain(), undulation=47.0
-    )
+def world(duration_s: float = 10.0, start_m: float = 4500.0, **keys: object) -> Environment:
+    flight = ApproachFlight(duration_s=duration_s, start_m=start_m)
+    return Environment(scenario(flight=flight, **keys), path(), flat_terrain(), undulation=47.0)

@@ -16,6 +16,7 @@ power_unit            hexadecimal digits after *              second field      
 ascii_line            the field {checksum}                    none                            the configuration
 binary_struct         its configured position                 none                            the configuration
 honeywell_hmr2300     none                                    none                            data sheet 900139
+velodyne_vlp16        none                                    none                            manual 63-9243, 9.3
 canaerospace, dbc,    done by the controller, which           CAN identifier                  ISO 11898-1, 10.4.2.6
 deflection_pickups    rejects a frame with a wrong one
 
@@ -70,6 +71,7 @@ DRIVERS_WITH_TIME = (
     "nmea0183",
     "novatel_oem6",
     "ublox_ubx",
+    "velodyne_vlp16",
 )
 
 

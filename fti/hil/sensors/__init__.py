@@ -21,6 +21,7 @@ from fti.hil.sensors.imagers import ImagerSettings
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.inertial_solution import InertialSettings
+from fti.hil.sensors.laser_scanner import LaserScannerModel, LaserScannerSettings
 from fti.hil.sensors.magnetometer import Magnetometer, MagnetometerSettings
 from fti.hil.sensors.multibeam import MultiBeamModel, MultiBeamSettings
 from fti.hil.sensors.novatel import SurveyReceiver
@@ -46,6 +47,7 @@ MODELS: dict[str, SensorModelType] = {
     "novatel_oem6": SurveyReceiver,
     "power_unit": PowerPanel,
     "ublox_ubx": RawReceiver,
+    "velodyne_vlp16": LaserScannerModel,
 }
 
 
@@ -78,6 +80,7 @@ SETTINGS: dict[str, type[DeviceSettings]] = {
     "imar_ixcom": InertialSettings,
     "mavlink": UnitSettings,
     "multibeam_altimeter": MultiBeamSettings,
+    "velodyne_vlp16": LaserScannerSettings,
 }
 
 

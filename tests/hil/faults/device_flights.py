@@ -20,6 +20,8 @@ from tests.hil.worlds import scenario, world
 
 START_NS = 1_767_225_600 * 10**9
 DURATION_S, RATE_HZ = 6.0, 10.0
+#: Distance from the threshold at which the flight begins, low enough for a laser scanner that reaches 100 m.
+START_M = 1200.0
 RADAR = {"kind": "radar", "range_m": (0.5, 762.0)}
 LASER = {"kind": "laser", "range_m": (0.2, 500.0)}
 DBC = (ROOT / "configs" / "dbc" / "air_data_unit.dbc").read_text()
@@ -31,6 +33,7 @@ class DeviceKind:
     """A device: its driver, one of its numbers that a fault can be of, its options and its altimeter.
 
     name : of the reading, surface or station; size : of an error that its line shows; forced : a value that it can say
+    rpy_bs_deg : mounting; the scanner turns ten times a second and sends ten packets, all of the azimuth that is down
     """
 
     driver: str
@@ -40,6 +43,7 @@ class DeviceKind:
     name: str | None = None
     size: float = 0.03
     forced: float = 0.03
+    rpy_bs_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 DEVICES = {
@@ -72,6 +76,7 @@ DEVICES = {
     "novatel_oem6": DeviceKind("novatel_oem6", "position.lat", {"unasked": True}),
     "power_unit": DeviceKind("power_unit", "reading.value", name="supply_voltage"),
     "ublox_ubx": DeviceKind("ublox_ubx", "position.lon"),
+    "velodyne_vlp16": DeviceKind("velodyne_vlp16", "range_scan.median", rpy_bs_deg=(-90.0, -108.0, 90.0)),
 }
 TIMING = {"device": {"shift_ms": 20.0, "drift_ppm": 0.0}}
 #: They say nothing unless they are asked.
@@ -91,7 +96,7 @@ class RecordedModel:
 
 @cache
 def make_environment() -> Environment:
-    return world(DURATION_S, sensor=TIMING)
+    return world(DURATION_S, START_M, sensor=TIMING)
 
 
 @cache
@@ -99,6 +104,7 @@ def bind_device(name: str) -> BoundDevice:
     """A device of ``DEVICES`` in the configuration."""
     kind, module = DEVICES[name], drivers.load(DEVICES[name].driver)
     keys: dict[str, Any] = {"name": "device", "link": LINK, "driver": kind.driver, "rate_hz": RATE_HZ}
+    keys["rpy_bs_deg"] = kind.rpy_bs_deg
     device = Device.model_validate({**keys, "altimeter": kind.altimeter})
     return BoundDevice(device, module, config.bind(module.Options, kind.options, "test"))
 
