@@ -168,16 +168,16 @@ class RadarAltimeter(RangingSensor):
 
     @functools.cached_property
     def _model(self) -> RadarModel:
+        gains = self.beam.weights * float(from_db(self.ground.nadir_db))
         return RadarModel(
-            rays=self.beam.rays_s,
-            gains=self.beam.weights * float(from_db(self.ground.nadir_db)),
-            weights=self.beam.weights,
+            rays=np.ascontiguousarray(self.beam.rays_s.T),
+            gains=gains,
             exponent=self.ground.exponent - 1.0,
             doppler_s=float(range_error(1.0, self.waveform)),
             threshold=self.edge.threshold,
             margin=self.edge.margin,
             noise=self.noise,
-            unknown_share=_UNKNOWN_SHARE,
+            unknown_gain=_UNKNOWN_SHARE * float(gains.sum()),
             bin_m=self.waveform.range_bin,
             n_bin=self.baseband.n_bin,
             reach=self.reach,

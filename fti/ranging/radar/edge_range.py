@@ -8,9 +8,10 @@ the peak before it, peak and edge are final.  Otherwise L grows.  Only bins that
 it, are computed: the sums of the powers of the rays in each bin bound the others.
 
 Rays that are steeper than the ground.  A ray with the angle theta off the vertical meets the ground once if tan(theta)
-times the steepest slope of the ground below it is less than 1.  The place is found by Newton steps from the height at
-which the same ray of the pose before has met the ground; each step solves a bilinear cell exactly.  For other rays the
-ray caster is called.
+times the steepest slope of the ground below it is less than 1.  It has met nothing before the limit if it is above the
+ground there, and the steepest slope does not lead from that ground up to the ray.  Slopes and heights are bounded for
+each quadrant around the pose.  The place is found by Newton steps from the height at which the same ray of the pose
+before has met the ground; each step solves a bilinear cell exactly.  For other rays the ray caster is called.
 
 Unknown ground refuses a range if it may change it: more than 1 % of the beam before the peak, or behind it so much that
 it may exceed the peak.  ``measure`` counts all of it within the maximum range.
@@ -25,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fti.arrays import Array, Mask
+from fti.arrays import Array, Ints, Mask
 from fti.geodesy.formulas import Vector, dot
 from fti.geodesy.rotations import rows_of
 from fti.kernel import kernel
@@ -40,7 +41,7 @@ from fti.terrain.surface import Posts, surface
 
 #: Smallest first limit, in heights above the ground; growth of a limit; share of the last limit of a pose, in heights,
 #: that is the first one of the next pose.
-_FIRST, _GROWTH, _LESS = 1.2, 1.15, 0.98
+_FIRST, _GROWTH, _LESS = 1.1, 1.06, 0.985
 #: Steps to the cell of a hit; a ray that needs more takes the ray caster.
 _STEPS = 8
 #: Width of a block of ``GroundBounds``, at least a cell [m].
@@ -51,24 +52,23 @@ _HIT, _NOTHING, _VALID = int(RayOutcome.HIT), int(RayOutcome.NOTHING), int(Valid
 class RadarModel(NamedTuple):
     """A radar altimeter for the kernels.
 
-    rays, gains, weights : of the beam: (n, 3); weights with the ground's backscatter, and without [m^2]
+    rays, gains : of the beam: (3, n); weights with the ground's backscatter [m^2]
     exponent   : of the cosine of incidence, one less than that of the ground's backscatter
     doppler_s  : error of a range over its rate [s]
     threshold, margin, noise : as in ``Receiver``
-    unknown_share : of the beam over unknown ground that refuses a range
+    unknown_gain : gain of the rays over unknown ground that refuses a range [m^2]
     bin_m, n_bin, reach : range bins [m], their number, maximum range of the cast rays [m]
     table      : of ``range_bins``;  caps : largest value of each of its columns
     """
 
     rays: Array
     gains: Array
-    weights: Array
     exponent: float
     doppler_s: float
     threshold: float
     margin: float
     noise: float
-    unknown_share: float
+    unknown_gain: float
     bin_m: float
     n_bin: int
     reach: float
@@ -105,21 +105,31 @@ class _Blocks(NamedTuple):
 
 
 class _Rays(NamedTuple):
-    """State of the rays of a pose, (n,) each.
+    """State of the rays of a pose, (n,) each; the first values of an array where its elements are counted.
 
-    places, powers : range [bins] and received power of those that have met the ground
-    ended  : whether it is known what a ray meets
+    ups    : vertical components of the rays
+    open   : numbers of the rays of which it is not known yet what they meet
     hit_up : height at which a ray met the ground last, at this or an earlier pose [m]
-    waits  : whether it has met the ground and is not yet in the spectrum
-    unknown_from : distance at which it came to unknown ground, else infinite [m]
+    places, powers, waits : of the rays that have met the ground: range [bins], received power, not yet in the spectrum
+    unknown_from, unknown_gains : of those that came to unknown ground: distance [m], gain [m^2]
     """
 
+    ups: Array
+    open: Ints
+    hit_up: Array
     places: Array
     powers: Array
-    ended: Mask
-    hit_up: Array
     waits: Mask
     unknown_from: Array
+    unknown_gains: Array
+
+
+class _Counts(NamedTuple):
+    """Numbers of the rays of a pose that are open, have met the ground, and came to unknown ground."""
+
+    open: int
+    met: int
+    unknown: int
 
 
 @kernel
@@ -164,10 +174,10 @@ def _bounds_of_block(heights: Array, at: int, columns: int, cells: int) -> tuple
 
 
 @kernel
-def _bounds_around(b: _Blocks, east: float, north: float, radius: float) -> tuple[float, float]:
-    """Highest post and square of the steepest slope within a square of twice the radius; infinite beyond the blocks."""
-    x0, x1 = (east - radius - b.east0) * b.per_size, (east + radius - b.east0) * b.per_size
-    y0, y1 = (north - radius - b.north0) * b.per_size, (north + radius - b.north0) * b.per_size
+def _bounds_within(b: _Blocks, west: float, east: float, south: float, north: float) -> tuple[float, float]:
+    """Highest post and square of the steepest slope within a rectangle; infinite beyond the blocks."""
+    x0, x1 = (west - b.east0) * b.per_size, (east - b.east0) * b.per_size
+    y0, y1 = (south - b.north0) * b.per_size, (north - b.north0) * b.per_size
     if not (x0 >= 0.0 and y0 >= 0.0 and x1 < b.columns and y1 < b.rows):
         return math.inf, math.inf
     highest, steep_square = -math.inf, 0.0
@@ -182,13 +192,16 @@ def _bounds_around(b: _Blocks, east: float, north: float, radius: float) -> tupl
 @kernel
 def edge_ranges(p: Pyramid, bounds: GroundBounds, origins: Array, mats: Array, vels: Array, model: RadarModel) -> Array:
     """Range of the leading edge at each pose (n,) [m]; NaN where ``measure`` has no return."""
-    q, n = p.addresses, len(model.rays)
+    q, n = p.addresses, model.rays.shape[1]
     rows, columns = bounds.highest.shape
     highest, steep_square = bounds.highest.ctypes.data, bounds.steep_square.ctypes.data
     per_cell, per_size = 1.0 / layers_at(q)[0].cell, 1.0 / bounds.size
     blocks = _Blocks(bounds.east0, bounds.north0, bounds.size, per_size, per_cell, rows, columns, highest, steep_square)
     posts = Posts(heights_at(q), layers_at(q))
-    rays = _Rays(np.empty(n), np.empty(n), np.empty(n, np.bool_), np.zeros(n), np.empty(n, np.bool_), np.empty(n))
+    rays = _Rays(
+        np.empty(n), np.empty(n, np.int64), np.zeros(n), np.empty(n), np.empty(n), np.empty(n, np.bool_),
+        np.empty(n), np.empty(n),
+    )  # fmt: skip
     spectra, found, first = np.empty((3, model.n_bin + model.table.shape[1])), np.empty(len(origins)), _FIRST
     for i in range(len(origins)):
         below, _, _ = surface(posts, origins[i, 0], origins[i, 1])
@@ -217,24 +230,26 @@ def _edge_range(
     limit : the first one [m];  spectra : (3, n) power of the bins, sums of the rays of a bin, upper bounds
     """
     shift = abs(model.doppler_s) * math.sqrt(vel[0] ** 2 + vel[1] ** 2 + vel[2] ** 2)
-    rays.ended[:], rays.waits[:], rays.unknown_from[:], spectra[:2] = False, False, math.inf, 0.0
+    spectra[:2] = 0.0
+    _open_all(mat, model.rays, rays)
+    counts = _Counts(len(rays.open), 0, 0)
     end, more, peak, is_final = 0, 0.0, 0.0, False
     while not is_final:
-        open_power, unknown_power = _cast(q, blocks, o, mat, vel, limit, model, rays, spectra[1])
+        counts, open_power, unknown_power = _cast(q, blocks, o, mat, vel, limit, model, rays, counts, spectra[1])
         upper = spectra[2, : min(int((limit + shift) / model.bin_m) + KERNEL_BINS + 2, model.n_bin)]
         complete, more = len(upper), unknown_power
         if limit < model.reach:
             complete = min(max(int((limit - shift) / model.bin_m - 0.5) - KERNEL_BINS, 1), len(upper))
             more += open_power
         _bound_bins(spectra[1], model.caps, upper)
-        end, peak = _fill_to_peak(upper, complete, model, rays, spectra[0])
+        end, peak = _fill_to_peak(upper, complete, model, rays, counts.met, spectra[0])
         if complete < len(upper):
             more += upper[complete:].max()
         is_final = limit == model.reach or (end < complete and more <= peak)
         if not is_final:
             limit = min(_GROWTH * limit, model.reach)
     horizon = (end + KERNEL_BINS) * model.bin_m + shift if more <= peak else math.inf
-    if not peak > 0.0 or _unknown_weight(rays, model.weights, horizon) > model.unknown_share * model.weights.sum():
+    if not peak > 0.0 or _unknown_gain(rays, counts.unknown, horizon) > model.unknown_gain:
         return math.nan, limit
     bins = spectra[0, KERNEL_BINS : KERNEL_BINS + end]
     bins += model.noise
@@ -243,13 +258,31 @@ def _edge_range(
 
 
 @kernel
-def _unknown_weight(rays: _Rays, weights: Array, horizon: float) -> float:
-    """Weight of the rays that have come to unknown ground before a distance [m]."""
-    weight = 0.0
-    for k in range(len(weights)):
-        if rays.unknown_from[k] < horizon:
-            weight += weights[k]
-    return weight
+def _open_all(mat: Array, rays_s: Array, rays: _Rays) -> None:
+    """The rays at the begin of a pose."""
+    x, y, z = rays_s[0], rays_s[1], rays_s[2]
+    row = rows_of(mat)[2]
+    for k in range(len(x)):
+        rays.ups[k], rays.open[k] = dot(row, (x[k], y[k], z[k])), k
+
+
+@kernel
+def _unknown_gain(rays: _Rays, count: int, horizon: float) -> float:
+    """Gain of the rays that have come to unknown ground before a distance [m]."""
+    gain = 0.0
+    for i in range(count):
+        if rays.unknown_from[i] < horizon:
+            gain += rays.unknown_gains[i]
+    return gain
+
+
+@kernel
+def _unknown_power(rays: _Rays, count: int) -> float:
+    """Power that the rays over unknown ground can receive at most."""
+    power = 0.0
+    for i in range(count):
+        power += rays.unknown_gains[i] / rays.unknown_from[i] ** 2
+    return power
 
 
 @kernel
@@ -262,7 +295,9 @@ def _bound_bins(sums: Array, caps: Array, upper: Array) -> None:
 
 
 @kernel
-def _fill_to_peak(upper: Array, complete: int, model: RadarModel, rays: _Rays, spectrum: Array) -> tuple[int, float]:
+def _fill_to_peak(
+    upper: Array, complete: int, model: RadarModel, rays: _Rays, met: int, spectrum: Array
+) -> tuple[int, float]:
     """Spread the rays of the bins up to the peak over these bins: number of bins that are final, power of the peak.
 
     The number is ``complete`` if the peak is not before the last complete bin.
@@ -271,7 +306,7 @@ def _fill_to_peak(upper: Array, complete: int, model: RadarModel, rays: _Rays, s
     end, at = int(np.argmax(upper[:complete])) + 2, 0
     while True:
         end = min(end, complete)
-        _spread(rays, end + KERNEL_BINS, model, spectrum)
+        _spread(rays, met, end + KERNEL_BINS, model, spectrum)
         at = int(np.argmax(bins[:end]))
         last = complete - 1
         while last >= end and upper[last] <= bins[at]:
@@ -282,10 +317,10 @@ def _fill_to_peak(upper: Array, complete: int, model: RadarModel, rays: _Rays, s
 
 
 @kernel
-def _spread(rays: _Rays, end: int, model: RadarModel, spectrum: Array) -> None:
+def _spread(rays: _Rays, met: int, end: int, model: RadarModel, spectrum: Array) -> None:
     """Add the waiting rays before a bin to a spectrum, as ``fill_pose``."""
     steps, width = model.table.shape[0] - 1, model.table.shape[1]
-    for k in range(len(rays.waits)):
+    for k in range(met):
         if rays.waits[k] and rays.places[k] + 0.5 < end:
             rays.waits[k] = False
             middle = int(rays.places[k] + 0.5)
@@ -304,45 +339,72 @@ def _cast(
     limit: float,
     model: RadarModel,
     rays: _Rays,
+    counts: _Counts,
     sums: Array,
-) -> tuple[float, float]:
-    """Cast the rays that have not ended up to the limit [m], and add their powers to the sums of their bins.
+) -> tuple[_Counts, float, float]:
+    """Cast the open rays up to the limit [m], and add the powers of those that meet the ground to the sums of their
+    bins.
 
-    Returns the power that those can receive at most that have still not ended, and those that came to unknown ground.
+    Returns the power that the rays can receive at most that are still open, and those that came to unknown ground.
     """
+    clear, quadrants = _clearance(blocks, o, limit)
     rows = rows_of(mat)
-    highest, steep_square = _bounds_around(blocks, o[0], o[1], limit)
-    clear = o[2] - highest
-    open_power, far_power, unknown_power = 0.0, 0.0, 0.0
-    for k in range(len(model.rays)):
-        if rays.ended[k]:
-            unknown_power += model.gains[k] / rays.unknown_from[k] ** 2
-            continue
-        ray = model.rays[k, 0], model.rays[k, 1], model.rays[k, 2]
-        dz = dot(rows[2], ray)
+    n_open, met, unknown = 0, counts.met, counts.unknown
+    open_power, far_power = 0.0, 0.0
+    for i in range(counts.open):
+        k = rays.open[i]
+        dz = rays.ups[k]
         if clear > 0.0 and clear + dz * limit > 0.0:
             far_power += model.gains[k] * min(dz, 0.0) ** 2
+            rays.open[n_open] = k
+            n_open += 1
             continue
+        ray = model.rays[0, k], model.rays[1, k], model.rays[2, k]
         dx, dy = dot(rows[0], ray), dot(rows[1], ray)
-        d, outcome, cosine = _cast_one(
-            q, blocks, (o[0], o[1], o[2]), (dx, dy, dz), clear, steep_square, rays.hit_up[k], limit
-        )
-        rays.ended[k] = outcome != _NOTHING
+        highest, steep_square = quadrants[int(dx > 0.0) + 2 * int(dy > 0.0)]
+        d, outcome, cosine, near_clear = limit, _NOTHING, 0.0, o[2] - highest
+        if not (near_clear > 0.0 and near_clear + dz * limit > 0.0):
+            d, outcome, cosine = _cast_one(
+                q, blocks, (o[0], o[1], o[2]), (dx, dy, dz), near_clear, steep_square, rays.hit_up[k], limit
+            )
         if outcome == _HIT:
             rays.hit_up[k] = o[2] + d * dz
             place = (d - model.doppler_s * (vel[0] * dx + vel[1] * dy + vel[2] * dz)) / model.bin_m
             if d > 0.0 and cosine > 0.0 and 0.0 <= place < model.n_bin:
                 share = cosine if model.exponent == 1.0 else cosine**model.exponent
-                rays.powers[k], rays.places[k], rays.waits[k] = model.gains[k] * share / (d * d), place, True
-                sums[int(place + 0.5) + KERNEL_BINS] += rays.powers[k]
+                rays.powers[met], rays.places[met], rays.waits[met] = model.gains[k] * share / (d * d), place, True
+                sums[int(place + 0.5) + KERNEL_BINS] += rays.powers[met]
+                met += 1
         elif outcome == _NOTHING:
             open_power += model.gains[k] / (limit * limit)
+            rays.open[n_open] = k
+            n_open += 1
         else:
-            rays.unknown_from[k] = min(d, _way_out(q, (o[0], o[1]), (dx, dy)))
-            unknown_power += model.gains[k] / rays.unknown_from[k] ** 2
+            rays.unknown_from[unknown] = min(d, _way_out(q, (o[0], o[1]), (dx, dy)))
+            rays.unknown_gains[unknown] = model.gains[k]
+            unknown += 1
     if far_power > 0.0:
         open_power += far_power / (clear * clear)
-    return open_power, unknown_power
+    return _Counts(n_open, met, unknown), open_power, _unknown_power(rays, unknown)
+
+
+@kernel
+def _clearance(blocks: _Blocks, o: Array, limit: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+    """Height above the highest ground within a limit [m], and the bounds of the ground south-west, south-east,
+    north-west and north-east that rays up to the limit can meet.
+    """
+    east, north = o[0], o[1]
+    highest, _ = _bounds_within(blocks, east - limit, east + limit, north - limit, north + limit)
+    clear = o[2] - highest
+    # a ray that has come down to the highest ground is not farther away horizontally
+    radius = math.sqrt(max(limit * limit - clear * clear, 0.0)) if clear > 0.0 else limit
+    west, south = east - radius, north - radius
+    return clear, (
+        _bounds_within(blocks, west, east, south, north),
+        _bounds_within(blocks, east, east + radius, south, north),
+        _bounds_within(blocks, west, east, north, north + radius),
+        _bounds_within(blocks, east, east + radius, north, north + radius),
+    )
 
 
 @kernel
@@ -374,7 +436,8 @@ def _cast_one(
 ) -> tuple[float, int, float]:
     """Distance, ``RayOutcome`` and cosine of incidence of a ray.
 
-    clear, steep_square : height above the highest ground within the limit [m], and square of its steepest slope
+    clear, steep_square : height above the highest ground that it can meet within the limit [m], and square of the
+    steepest slope there
     hit_up : probable height of the hit [m]
     """
     dx, dy, dz = ray
@@ -384,11 +447,13 @@ def _cast_one(
         per_dz, per_cell = 1.0 / dz, blocks.per_cell
         at = (o[0] - layer.east0) * per_cell, (o[1] - layer.north0) * per_cell, o[2]
         way = dx * per_cell, dy * per_cell, dz
-        d, to_east, to_north = _meet(heights, layer, at, way, min((hit_up - o[2]) * per_dz, limit), limit)
+        d, above, to_east, to_north = _meet(heights, layer, at, way, min((hit_up - o[2]) * per_dz, limit), limit)
         to_east, to_north = to_east * per_cell, to_north * per_cell
         outcome = _HIT if d < limit else _NOTHING
-        is_steeper = steep_square * (dx * dx + dy * dy) < dz * dz
-        if not is_steeper and not _is_met_once(blocks, o, ray, -clear * per_dz, d):
+        begin = -clear * per_dz
+        way_m, descent = d - begin, above - (d - begin) * dz
+        is_above = way_m * way_m * steep_square * (dx * dx + dy * dy) < descent * descent
+        if not is_above and not _is_met_once(blocks, o, ray, begin, d):
             d = math.nan
     if math.isnan(d):
         d, outcome = first_event(q, o[0], o[1], o[2], dx, dy, dz, limit)
@@ -427,8 +492,9 @@ def _is_met_once(b: _Blocks, o: Vector, ray: Vector, begin: float, end: float) -
 @kernel
 def _meet(
     heights: Array, layer: Any, at: Vector, way: Vector, guess: float, limit: float
-) -> tuple[float, float, float]:
-    """Distance at which a ray meets the ground of a layer, and the derivatives of the ground there by cells.
+) -> tuple[float, float, float, float]:
+    """Distance at which a ray meets the ground of a layer, its height above the ground there, and the derivatives of
+    the ground by cells.
 
     For a ray that meets it once: otherwise any of the places.  The limit if the ray is above the ground there; NaN if
     no place is found.
@@ -448,7 +514,7 @@ def _meet(
         to_east, to_north = rise_east + v * twist, rise_north + u * twist
         above = at[2] + dz * t - (base + u * rise_east + v * to_north)
         if t >= limit and above > 0.0:
-            return limit, to_east, to_north
+            return limit, above, to_east, to_north
         a, b = -twist * vx * vy, dz - vx * to_east - vy * to_north
         disc = b * b - 4.0 * a * above
         if not (disc >= 0.0 and b < 0.0):
@@ -457,6 +523,6 @@ def _meet(
         t += step
         u, v = u + vx * step, v + vy * step
         if 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0:
-            return t, rise_east + v * twist, rise_north + u * twist
+            return t, 0.0, rise_east + v * twist, rise_north + u * twist
         t = min(t, limit)
-    return math.nan, math.nan, math.nan
+    return math.nan, math.nan, math.nan, math.nan

@@ -91,6 +91,20 @@ def test_ranges_are_those_of_the_measurement(name: str) -> None:
         assert np.isnan(ranges[~measured.valid & ~unknown]).all(), label
 
 
+@pytest.mark.parametrize("towards", ["east", "west", "north", "south"])
+def test_a_cliff_on_one_side_is_nearer_than_the_ground_below(towards: str) -> None:
+    """The ground is bounded for each quadrant: a ray towards the cliff must not have the bounds of the other side."""
+    rows, columns = np.indices((POSTS, POSTS)) - POSTS // 2
+    beside = {"east": columns, "west": -columns, "north": rows, "south": -rows}[towards]
+    ground, radar = Terrain.from_array(np.where(beside >= 4, 75.0, 0.0), CELL_M), RADARS["wide"]
+    at = CELL_M * (POSTS // 2)
+    origins = np.column_stack((at + np.zeros(3), at + np.zeros(3), [115.0, 125.0, 135.0]))
+    poses = Poses.stationary(origins, np.broadcast_to(MAT_ENU_NED, (3, 3, 3)))
+    ranges = radar.predict_ranges(ground, poses)
+    assert (ranges < origins[:, 2] - 20.0).all()
+    np.testing.assert_allclose(ranges, radar.measure(ground, poses).slant_range, atol=1e-9, rtol=0.0)
+
+
 def test_the_order_of_the_poses_does_not_matter() -> None:
     """The search for a hit begins at that of the pose before."""
     ground, radar = grounds()["town"], RADARS["wide"]
