@@ -103,6 +103,7 @@ WITHOUT_DAEMON = [
     ),
     Run("fti hil template --out mine.toml", r"mine\.toml"),
     Run("fti study --list", r"slant_range +Slant range"),
+    Run("fti study trajectory --help", r"Default: \d+ runs, seed \d+"),
     Run("fti examples", r"research_aircraft"),
     Run("fti examples copy all configs", r"copies/demo\.toml", words={"configs": "copies"}),
     Run("fti examples copy research_aircraft mine", r"mine/research_aircraft\.toml"),

@@ -1,6 +1,7 @@
 """Reproduce a published result, and compare it with its target.
 
   fti study --list
+  fti study device_clock --help               # what it compares, its targets, number of runs and seed
   fti study device_clock
   fti study device_clock --runs 400 --seed 7 --json
   fti study slant-range --plots figures       # also plots
@@ -13,6 +14,7 @@ The same seed gives the same results.  Exit code 1 when a target is not reached.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,13 +30,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """NAME, --list, --runs, --seed, --plots, --json."""
     from fti.cli._arguments import whole_number
 
-    parser.add_argument("name", metavar="NAME", nargs="?", help="the study")
+    parser.add_argument("name", metavar="NAME", nargs="?", action=_ChooseStudy, help="the study")
     parser.add_argument("--list", action="store_true", help="list the studies")
     parser.add_argument("--runs", metavar="N", type=whole_number(1), help="number of runs (default: the study's own)")
     parser.add_argument("--seed", metavar="K", type=int, help="seed of the random numbers (default: the study's own)")
     parser.add_argument("--plots", metavar="DIR", type=Path, help="write the study's plots to DIR (PNG)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask cluster for the runs (default: local cores)")
     parser.add_argument("--json", action="store_true", help="print JSON only")
+
+
+class _ChooseStudy(argparse.Action):
+    """Takes the name; a --help behind it describes that study."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None
+    ) -> None:
+        from fti import study
+        from fti.errors import MissingError
+
+        namespace.name = values
+        with contextlib.suppress(MissingError):  # ``run`` says that it is unknown
+            if values is not None:
+                parser.description = study.describe(study.load(values))
 
 
 def run(args: argparse.Namespace) -> int:

@@ -32,6 +32,23 @@ from fti.cli._arguments import MIN_POSITIVE, number, picture
 from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli._terrain_judge import JUDGE, add_judge, judge_maps
 
+INFO = """Print the elevation files, and the layers, seams and resampling errors of their combined terrain.
+
+  fti terrain info N47E011.hgt N47E012.hgt
+"""
+PLOT = """Plot the combined terrain: relief, hatched holes, seams, source files.
+
+  fti terrain plot *.dt2 --at 47.9,11.8 --radius 5000 --out map.png
+"""
+SPECTRUM = """Print which waves of the relief carry its heights and slopes, and how often a sensor has to sample them.
+
+  fti terrain spectrum N47E011.hgt --at 47.9,11.8 --radius 2000 --speed 60 --out spectrum.png
+
+Use it to judge whether terrain and altimeter suit [nav.terrain_position].  A position from a height profile depends on
+the slopes: an altimeter with less than their rate loses information, and one with more than the rate of the posts gains
+none.  The correlation length is the distance after which heights are a new piece of terrain: a profile should be
+several times as long.  Where 'sd' of the slopes is small, the ground is flat and gives no position.
+"""
 Place = tuple[float, float]
 LENGTH = number(MIN_POSITIVE, 1e6, "a length above 0 and up to 1000000 m")
 SPEED = number(MIN_POSITIVE, 1e4, "a speed above 0 and up to 10000 m/s")
@@ -41,10 +58,13 @@ SHARE = number(0.01, 0.999, "a share of 0.01 to 0.999")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Four actions."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    info = actions.add_parser("info", help="print the files and the layers of the terrain")
+    layout = parser.formatter_class
+    info = actions.add_parser(
+        "info", help="print the files and the layers of the terrain", description=INFO, formatter_class=layout
+    )
     _add_files(info)
     info.add_argument("--json", action="store_true", help="print one JSON object")
-    plot = actions.add_parser("plot", help="plot the terrain")
+    plot = actions.add_parser("plot", help="plot the terrain", description=PLOT, formatter_class=layout)
     _add_files(plot)
     plot.add_argument(
         "--out", required=True, type=picture, metavar="FILE", help="the plot (.png, .svg; must not exist)"
@@ -52,7 +72,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     plot.add_argument(
         "--profile", type=_line, metavar="LAT,LON/LAT,LON", help="also plot the profile between two points [deg]"
     )
-    spectrum = actions.add_parser("spectrum", help="print the spectrum of the finest layer, and sampling rates")
+    spectrum = actions.add_parser(
+        "spectrum",
+        help="print the spectrum of the finest layer, and sampling rates",
+        description=SPECTRUM,
+        formatter_class=layout,
+    )
     _add_files(spectrum)
     spectrum.add_argument("--speed", type=SPEED, default=60.0, metavar="MPS", help="over the ground [m/s] (60)")
     spectrum.add_argument("--share", type=SHARE, default=0.9, metavar="X", help="of the variance to be sampled (0.9)")
@@ -62,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "judge",
         help="compare elevation models with the altimeters of a recorded flight",
         description=JUDGE,
-        formatter_class=parser.formatter_class,
+        formatter_class=layout,
     )
     add_judge(judge)
     _add_opening(judge)

@@ -108,3 +108,8 @@ def name_of(study: Study) -> str:
 def title(study: Study) -> str:
     """First line of its docstring."""
     return (inspect.getdoc(study) or "").partition("\n")[0]
+
+
+def describe(study: Study) -> str:
+    """Its docstring, number of runs and seed."""
+    return f"{inspect.getdoc(study)}\n\nDefault: {study.RUNS} runs, seed {study.SEED}."

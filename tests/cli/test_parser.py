@@ -147,6 +147,18 @@ COMPLETE = (
 )
 
 
+def test_help_after_the_name_of_a_study_describes_that_study(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a name it describes the command, also with an unknown one."""
+    assert "T17.stable" in help_text("study", "long-endurance", capsys=capsys)
+    assert "T17" not in help_text("study", capsys=capsys)
+    assert "fti study --list" in help_text("study", "no-such-study", capsys=capsys)
+
+
+def test_each_action_of_terrain_has_a_description(capsys: pytest.CaptureFixture[str]) -> None:
+    for action in ("info", "plot", "spectrum", "judge"):
+        assert f"  fti terrain {action} " in help_text("terrain", action, capsys=capsys)
+
+
 @pytest.fixture(scope="module")
 def shell_path(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A search path with this fti."""
