@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from collections.abc import Callable, Mapping
+from typing import Annotated
 
 import pydantic
 
@@ -13,30 +12,12 @@ from fti.config import StrictModel
 from fti.config.keys import NO_UNIT, ONE, key
 from fti.drivers._checksums import CHECKSUMS, ChecksumKind
 from fti.drivers._framing import Skip, skip_to
-from fti.formats.described_fields import Field, WireValue, decode_fields, make_field_codecs
+from fti.formats.binary_numbers import MAX_FRAME_BYTES, ByteOffset, ByteOrder, NumberCodec, NumberLocation
+from fti.formats.described_fields import Field, FieldCodec, WireValue, decode_fields, make_field_codecs
+from fti.formats.range_array import RangeArray
 from fti.messages.measurements import Measurement, Stamp
 
-MAX_FRAME_BYTES = 2048
-CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "u64": "Q", "i64": "q", "f32": "f",
-         "f64": "d"}  # fmt: skip
-ByteOffset = Annotated[int, pydantic.Field(ge=0, lt=MAX_FRAME_BYTES)]
-Bits = tuple[Annotated[int, pydantic.Field(ge=0, le=63)], Annotated[int, pydantic.Field(ge=1, le=64)]]
-ByteOrder = Literal["little", "big"]
 Hex = Annotated[str, pydantic.Field(pattern=r"^([0-9A-Fa-f]{2} ?)*$")]
-
-
-class NumberLocation(StrictModel):
-    """Location and type of a number in a frame."""
-
-    at: Annotated[ByteOffset, key("offset of its first byte; that of the first byte of the frame is 0", "byte", 2)]
-    type: Annotated[
-        Literal["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"],
-        key("type: u unsigned, i signed, f floating point, with the number of bits", NO_UNIT, "u16"),
-    ]
-    bits: Annotated[
-        Bits | None,
-        key("only these bits of an unsigned number: lowest bit, number of bits; none: all", "bit", [0, 12]),
-    ] = None
 
 
 class BinaryField(Field, NumberLocation):
@@ -113,72 +94,24 @@ class FrameOptions(StrictModel):
             NO_UNIT,
         ),
     ] = ()
+    array: Annotated[
+        RangeArray | None,
+        key("[device.options.array]: ranges of an image or of lines, which become one scan; none: no ranges", NO_UNIT),
+    ] = None
 
 
-@dataclass(frozen=True, slots=True)
-class NumberCodec:
-    """Codec of a number."""
-
-    at: int
-    form: struct.Struct
-    is_integer: bool
-    low: int  # lowest bit
-    mask: int  # of the used bits, without the shift
-
-    @classmethod
-    def at_location(cls, location: NumberLocation, byte_order: str, where: str) -> NumberCodec:
-        """The codec of a location.  Raises ValueError with ``where``."""
-        form = struct.Struct(("<" if byte_order == "little" else ">") + CODES[location.type])
-        is_integer, size = not location.type.startswith("f"), 8 * form.size
-        low, count = location.bits or (0, size)
-        if location.bits and (not is_integer or location.type.startswith("i") or low + count > size):
-            raise ValueError(f"{where}: bits = {list(location.bits)}: must lie in a u8, u16, u32 or u64")
-        return cls(location.at, form, is_integer, low, (1 << count) - 1)
-
-    @property
-    def end(self) -> int:
-        """Offset of the first byte after it."""
-        return self.at + self.form.size
-
-    @property
-    def is_bit_field(self) -> bool:
-        """Are only some bits of the number used?"""
-        return self.mask.bit_length() < 8 * self.form.size
-
-    def read(self, frame: bytes | bytearray) -> int | float:
-        """The number in a frame that reaches to ``end``."""
-        value: int | float = self.form.unpack_from(frame, self.at)[0]
-        return int(value) >> self.low & self.mask if self.is_bit_field else value
-
-    def write(self, frame: bytearray, value: float) -> None:
-        """Write the number into a frame, saturated to the range of the type."""
-        if not self.is_integer:
-            self.form.pack_into(frame, self.at, value)
-            return
-        number = min(max(round(value), self._min_value), self._min_value + self.mask)
-        if self.is_bit_field:
-            others = self.form.unpack_from(frame, self.at)[0] & ~(self.mask << self.low)
-            number = others | number << self.low
-        self.form.pack_into(frame, self.at, number)
-
-    def to_wire(self, word: float | str) -> float:
-        """The number as read back after sending it.  Raises ValueError if the type cannot represent it."""
-        if isinstance(word, str):
-            raise ValueError(f"{word!r} is text; a frame has only numbers, hexadecimal ones like 0xFFFF")
-        if not self.is_integer:
-            try:
-                rounded: float = self.form.unpack(self.form.pack(word))[0]
-            except OverflowError:
-                raise ValueError(f"{word:g} is too large for this type") from None
-            return rounded
-        min_value, max_value = self._min_value, self._min_value + self.mask
-        if word != round(word) or not min_value <= word <= max_value:
-            raise ValueError(f"{word:.15g} does not fit; allowed are whole numbers from {min_value} to {max_value}")
-        return word
-
-    @property
-    def _min_value(self) -> int:
-        return -(self.mask + 1 >> 1) if self.form.format[-1].islower() else 0
+def _array_ends(array: RangeArray, byte_order: ByteOrder) -> dict[str, int]:
+    """Ends of the numbers of an array, by their keys.  Raises ValueError with the wrong one."""
+    array.check()
+    found = {
+        "array": array.end(
+            NumberCodec.at_location(NumberLocation(at=array.at, type=array.type), byte_order, "").form.size
+        )
+    }
+    for name, location in (("array.part_in", array.part_in), ("array.image_in", array.image_in)):
+        if location:
+            found[name] = NumberCodec.at_location(location, byte_order, name).end
+    return found
 
 
 class FrameCodec:
@@ -196,7 +129,12 @@ class FrameCodec:
         self.where = [(NumberCodec.at_location(w, order, f"where[{i}]"), w.value) for i, w in enumerate(options.where)]
         self.numbers = {f.name: NumberCodec.at_location(f, order, f"fields: {f.name}") for f in options.fields}
         names = [f.name for f in options.fields]
-        self.codecs = make_field_codecs(names, options.fields, lambda name, word: self.numbers[name].to_wire(word))
+        self.codecs: dict[str, FieldCodec] = {}
+        if names or options.array is None:
+            self.codecs = make_field_codecs(names, options.fields, lambda name, word: self.numbers[name].to_wire(word))
+        self._ends = {name: number.end for name, number in self.numbers.items()}
+        if options.array:
+            self._ends |= _array_ends(options.array, order)
         self._check()
         self._check_where()
         self._check_round_trip()
@@ -211,9 +149,9 @@ class FrameCodec:
             return
         if len(self.sync) + tail > self.length:
             raise ValueError(f"length = {self.length}: shorter than sync, checksum and trailer")
-        for name, number in [*self.numbers.items(), *(("where", number) for number, _ in self.where)]:
-            if number.end > self._body_end(self.length):
-                raise ValueError(f"{name}: ends at byte {number.end}, the data at {self._body_end(self.length)}")
+        for name, end in [*self._ends.items(), *(("where", number.end) for number, _ in self.where)]:
+            if end > self._body_end(self.length):
+                raise ValueError(f"{name}: ends at byte {end}, the data at {self._body_end(self.length)}")
 
     def _check_where(self) -> None:
         for i, (number, value) in enumerate(self.where):
@@ -284,11 +222,16 @@ class FrameCodec:
         }
         return "frame", decode_fields(self.codecs, wires, stamp)
 
-    def encode(self, values: Mapping[str, WireValue]) -> bytes:
-        """The frame with these values; undescribed bytes are 0."""
+    def has_array(self, frame: bytes) -> bool:
+        """Is the whole frame long enough for the numbers of its array?"""
+        end = self._body_end(len(frame))
+        return all(self._ends[name] <= end for name in self._ends.keys() - self.numbers.keys())
+
+    def encode(self, values: Mapping[str, WireValue], fill: Callable[[bytearray], None] | None = None) -> bytes:
+        """The frame with these values; undescribed bytes are 0.  fill : writes other bytes before the checksum"""
         tail = self._checksum_size + len(self.trailer)
-        numbers = [*self.numbers.values(), *(n for n, _ in self.where), *filter(None, [self.length_number])]
-        length = self.length or max(number.end for number in numbers) + tail
+        numbers = [*(n for n, _ in self.where), *filter(None, [self.length_number])]
+        length = self.length or max([*self._ends.values(), *(number.end for number in numbers)]) + tail
         frame = bytearray(length)
         frame[: len(self.sync)] = self.sync
         frame[length - len(self.trailer) :] = self.trailer
@@ -299,6 +242,8 @@ class FrameCodec:
         for name, number in self.numbers.items():
             wire = values.get(name)
             number.write(frame, wire if isinstance(wire, float) else 0.0)
+        if fill:
+            fill(frame)
         if self.checksum:
             at = self.checksum.position(length)
             value = CHECKSUMS[self.checksum.kind].compute(bytes(frame[self.checksum.start : at]))

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from fti.arrays import Array
 from fti.ranging.laser import Laser
+from fti.ranging.point_grids import image_directions
 from fti.ranging.sensor import Poses, RangingSensor, Returns
 from fti.terrain.terrain import Terrain
 
@@ -57,12 +58,7 @@ class RangeImager(RangingSensor):
 
     def directions_s(self) -> Array:
         """Unit vectors (p_y, p_x, 3) of the pixels in the sensor frame."""
-        x, y = (
-            np.tan(0.5 * angle) * ((2.0 * np.arange(count) + 1.0) / count - 1.0)
-            for count, angle in zip(self.pixels, self.field_of_view, strict=True)
-        )
-        rays = np.stack(np.broadcast_arrays(x[None, :], y[:, None], 1.0), axis=-1)
-        return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+        return image_directions(self.pixels, self.field_of_view)
 
     def footprint(self, height: ArrayLike) -> tuple[Array, Array]:
         """Size of the matrix along x and y on level ground ``height`` [m] below a level sensor [m]."""

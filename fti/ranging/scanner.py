@@ -27,6 +27,7 @@ from fti.arrays import Array
 from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.interpolation import interpolate_poses
 from fti.ranging.laser import Laser
+from fti.ranging.point_grids import line_directions
 from fti.ranging.sensor import Poses, RangingSensor, Returns
 from fti.terrain.terrain import Terrain
 
@@ -150,8 +151,3 @@ class RangeScanner(RangingSensor):
         rays_s = line_directions(angles[in_view])
         rays_l = (poses.mats_ls @ rays_s[..., None])[..., 0]
         return Scan(when, poses, self.laser.measure_directions(terrain, poses.origins_l, rays_l, rays_s, rng))
-
-
-def line_directions(angles: Array) -> Array:
-    """Unit vectors (k, 3) in the sensor frame of angles (k,) [rad] across the track, right positive."""
-    return np.stack((np.zeros_like(angles), np.sin(angles), np.cos(angles)), axis=-1)

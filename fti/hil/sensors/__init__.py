@@ -17,7 +17,7 @@ from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
 from fti.hil.sensors.deflections import DeflectionPickups, PickupSettings
 from fti.hil.sensors.generic_devices import GenericDevice
 from fti.hil.sensors.gnss import GnssReceiver, RawReceiver
-from fti.hil.sensors.imagers import ImagerSettings
+from fti.hil.sensors.imagers import ArraySettings
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.inertial_solution import InertialSettings
@@ -63,7 +63,7 @@ class CanSettings(AirSettings, RadarSettings):
     """Settings of a unit with air data and an optional radar altimeter."""
 
 
-class GenericSettings(CanSettings, ImagerSettings):
+class GenericSettings(CanSettings, ArraySettings):
     """Settings of a device whose fields the configuration defines."""
 
 

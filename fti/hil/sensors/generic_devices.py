@@ -16,7 +16,7 @@ from fti.hil.sensors.altimeters import LaserAltimeterModel, RadarAltimeterModel
 from fti.hil.sensors.avionics import HeadingReference
 from fti.hil.sensors.base import SensorModel
 from fti.hil.sensors.errors import gauss_markov_noise
-from fti.hil.sensors.imagers import ImagerModel, pixel_indices
+from fti.hil.sensors.imagers import ArrayModel, ImagerModel, pixel_indices
 from fti.hil.sensors.interferometric import FIELDS, InterferometricModel
 from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
 
@@ -30,11 +30,11 @@ class FieldEncoder(Protocol):
 
 
 class GenericDevice:
-    """Measures the quantities of its fields, each with the errors of the sensor that usually measures it.
+    """Measures the quantities of its fields, each with the errors of the sensor that usually measures it; last a scan.
 
-    Readings ``range_...`` are those of a range imager or scanner, ``closest_range`` and ``look_angle`` those of an
-    interferometric altimeter.  Any other reading has no truth in the flight: it drifts around the middle of its
-    limits, or around zero.
+    Readings ``range_...`` and the array of a frame are those of a range imager or scanner, ``closest_range`` and
+    ``look_angle`` those of an interferometric altimeter.  Any other reading has no truth in the flight: it drifts
+    around the middle of its limits, or around zero.
     """
 
     rate_hz = 10.0
@@ -56,6 +56,8 @@ class GenericDevice:
             self._altimeters.append(LaserAltimeterModel(bound, world, t, rng))
         if RadioHeight in kinds:
             self._altimeters.append(RadarAltimeterModel(bound, world, t, rng))
+        array = getattr(bound.options, "array", None)
+        self._scans = ArrayModel(array, bound, world, t, rng) if array else None
         self._reference = (
             HeadingReference(bound, state, world, t, rng) if kinds & {Attitude, Position, Velocity} else None
         )
@@ -72,7 +74,8 @@ class GenericDevice:
         if self._reference:
             reference = self._reference
             measurements += [reference.attitude(k, stamp), reference.position(k, stamp), reference.velocity(k, stamp)]
-        return measurements + self._air.measure(k, stamp)
+        measurements += self._air.measure(k, stamp)
+        return measurements + self._scans.measure(k, stamp) if self._scans else measurements
 
 
 def _drifting_values(field: Field, t: Array, rng: np.random.Generator) -> Array:

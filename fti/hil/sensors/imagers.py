@@ -1,4 +1,6 @@
-"""Range imagers and range scanners, whose ranges are fields of generic frames (``binary_struct``, ``ascii_line``).
+"""Range imagers and range scanners, whose ranges are an array or fields of generic frames (``binary_struct``).
+
+An array has the directions and times of its options, and each point is measured from the pose of its time.
 
 Fields ``range_R_C`` are the pixels of an imager, row R to the right of the aircraft and column C forward, from 0 on;
 fields ``range_N`` are the points of a scanner line, from left to right.  All ranges of a message have the same time.
@@ -11,7 +13,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field as Limited
@@ -20,12 +22,16 @@ from fti.arrays import Array
 from fti.config.keys import key
 from fti.devices import BoundDevice
 from fti.errors import ConfigError
+from fti.formats.array_points import directions_s, offsets_s
+from fti.formats.range_array import RangeArray
 from fti.hil.environment import Environment
 from fti.hil.sensors.base import field_reading
+from fti.hil.sensors.point_ranges import PointRanges, PointSettings
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.messages.measurements import Measurement, Stamp
 from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
+from fti.ranging.scan_points import make_scan, point_arrays
 from fti.ranging.scanner import RangeScanner
 from fti.ranging.sensor import RangingSensor
 
@@ -43,6 +49,38 @@ class ImagerSettings(DeviceSettings):
         key("field of view along and across the aircraft; the line of a scanner has the second one", "deg"),
     ] = (20.0, 20.0)
     reach_m: Annotated[Metres, key("maximum range", "m")] = 300.0
+
+
+class ArraySettings(ImagerSettings, PointSettings):
+    """Range imagers and scanners whose ranges are an array; its options state the field of view."""
+
+
+class ArrayModel:
+    """The scans of a device whose frames have an array of ranges.
+
+    The rate of the device is that of its frames: an image of n parts begins at every nth sample, and all its frames are
+    sent together.
+    """
+
+    def __init__(
+        self, array: RangeArray, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator
+    ) -> None:
+        settings = settings_of(ArraySettings, world.scenario, bound.device.name)
+        seed = int(rng.integers(2**63))
+        self._ranges = PointRanges(world, bound.device, settings, reach=settings.reach_m, noise_sd=NOISE_SD, seed=seed)
+        self._t, self._directions, self._offsets = t, directions_s(array), offsets_s(array)
+        self._arrays, self._parts = point_arrays(self._directions, self._offsets), array.parts
+        self.measure(0, Stamp(0))  # compiles the kernels before the flight
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ArrayModel:
+        """The same model: it has no state."""
+        return self
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """The scan that begins with sample k."""
+        if k % self._parts:
+            return []
+        return [make_scan(stamp, self._ranges.measure(k, self._t[k] + self._offsets, self._directions), self._arrays)]
 
 
 def pixel_indices(names: Sequence[str]) -> dict[str, tuple[int, int]]:
