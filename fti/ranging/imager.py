@@ -10,7 +10,7 @@ body's.  An equivalent scanner would need f_s p_x p_y measurements per second: 6
 Each pixel is one ray through its middle and a separate laser (range limit, weather, noise); the loss by spreading the
 illumination over all pixels is contained in the stated ``max_range``.
 
-Source: Spiegel 2018, sections 2.1.5 and 5.2, eq. 5.6.
+Source: Spiegel 2018, sections 2.1.5, 5.2 and 7.4, eq. 5.6 and 7.6.
 """
 
 from __future__ import annotations
@@ -68,6 +68,20 @@ class RangeImager(RangingSensor):
     def overlap_interval(self, height: ArrayLike, speed: ArrayLike) -> Array:
         """Maximum time between matrices [s] that overlap by half along x, at a ground speed [m/s].  Eq. 5.6."""
         return np.asarray(0.5 * self.footprint(height)[0] / np.asarray(speed))
+
+    def overlap_area(self, height: ArrayLike, speed: ArrayLike, interval: ArrayLike) -> Array:
+        """Area that two matrices have in common over level ground [m^2], straight along x, ``interval`` [s] apart."""
+        along, across = self.footprint(height)
+        return np.asarray(across * np.maximum(along - np.asarray(speed) * np.asarray(interval), 0.0))
+
+    def best_interval(self, height: float, speed: float) -> float:
+        """Time between the two matrices with the largest overlap_area x interval [s]: periods of the frame rate.
+
+        Without the frame rate it is half of the footprint over the speed, that of eq. 5.6; section 7.4, fig. 7.37.
+        """
+        intervals = np.arange(1.0, 2.0 * self.overlap_interval(height, speed) * self.frame_rate + 1.0) / self.frame_rate
+        products = intervals * self.overlap_area(height, speed, intervals)
+        return float(intervals[products.argmax()])
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """One matrix at each pose, shape (n, p_y, p_x), with both returns (n, p_y, p_x, 2)."""

@@ -37,6 +37,17 @@ def max_pulse_rate(max_range: float) -> float:
     return SPEED_OF_LIGHT / (2.0 * max_range)
 
 
+def time_to_overlap(height: ArrayLike, speed: ArrayLike, pitches: tuple[float, float]) -> Array:
+    """Time from the line of one scanner to that of the other one at the same place of level ground [s].  Fig. 5.6.
+
+        t = h (tan(pitch of the first) - tan(pitch of the second)) / v,    positive if the first one looks farther ahead
+
+    height : above ground [m];  speed : over ground [m/s];  pitches : of the two mountings, positive ahead [rad]
+    """
+    ahead = np.tan(pitches[0]) - np.tan(pitches[1])
+    return np.asarray(np.asarray(height) * ahead / np.asarray(speed))
+
+
 @dataclass(frozen=True, eq=False)
 class Scan:
     """k measurements of a scanner: times (k,) [s], sensor poses at these times, and the returns."""

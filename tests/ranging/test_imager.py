@@ -24,6 +24,21 @@ def test_overlap_by_half_needs_the_printed_interval() -> None:
     assert interval * 170.0 == pytest.approx(0.5 * float(imager.footprint(300.0)[0]))
 
 
+def test_the_pair_with_the_largest_overlap_times_interval_is_that_of_the_source() -> None:
+    """Fig. 7.37: 1 s at 2 Hz, 300 m, 170 m/s and 60 deg.  Without a frame rate the peak is at L / 2v."""
+    imager = RangeImager()
+    assert imager.best_interval(300.0, 170.0) == 1.0
+    fine = RangeImager(frame_rate=1000.0)
+    length = 2.0 * 300.0 * np.tan(np.radians(30.0))
+    assert fine.best_interval(300.0, 170.0) == pytest.approx(length / (2.0 * 170.0), abs=0.001)
+    assert float(imager.overlap_area(300.0, 170.0, 1.0)) == pytest.approx(length * (length - 170.0))
+    assert imager.overlap_area(300.0, 170.0, [0.0, 3.0]).tolist() == pytest.approx([length**2, 0.0])
+
+
+def test_a_frame_rate_that_is_too_low_leaves_its_first_pair() -> None:
+    assert RangeImager(frame_rate=0.2).best_interval(300.0, 170.0) == 5.0
+
+
 def test_pixels_are_those_of_a_pinhole() -> None:
     """x forward with the column, y right with the row, the boresight in the middle; edges half a pixel inside."""
     rays = RangeImager(pixels=(5, 3), field_of_view=(1.0, 0.5)).directions_s()

@@ -9,7 +9,7 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
 from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
-from fti.ranging.scanner import RangeScanner, max_pulse_rate, points_l
+from fti.ranging.scanner import RangeScanner, max_pulse_rate, points_l, time_to_overlap
 from fti.ranging.sensor import Poses, Validity
 from fti.terrain.terrain import Terrain
 from tests.planes import count_casts, looking_down, plane, to_plane
@@ -66,6 +66,18 @@ def test_square_grid_needs_the_line_rate_of_the_source(height: float, speed: flo
     assert value == pytest.approx(expected, rel=1e-12)
     square = RangeScanner(facets=9, line_rate=value)
     assert square.in_line_distance(height, pitch) == pytest.approx(square.line_distance(speed))
+
+
+def test_two_lines_overlap_after_the_distance_of_their_boresights() -> None:
+    """Fig. 5.6: 20 deg ahead and straight down; the boresights meet level ground 109.2 m apart from 300 m."""
+    meets = []
+    for pitch in (np.radians(20.0), 0.0):
+        boresight = mat_from_rpy(0.0, pitch, 0.0)[:, 2]  # north, east, down
+        meets.append(300.0 * boresight[0] / boresight[2])
+    assert meets[0] - meets[1] == pytest.approx(109.19, abs=0.01)
+    found = float(time_to_overlap(300.0, 170.0, (np.radians(20.0), 0.0)))
+    assert found == pytest.approx((meets[0] - meets[1]) / 170.0, rel=1e-12)
+    assert float(time_to_overlap(300.0, 170.0, (0.0, np.radians(20.0)))) == -found
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@
     registration.py    the drift between two looks, its covariance, and the directions that the ground determines
     shift_search.py    the start of the registration, and other shifts that fit as well
     residuals.py       kernel: range residuals, scores and information of patches
+    triangulation.py   the registration as the source prints it, for comparison
 
 Source: Spiegel 2018, chapter 5, as corrected in docs/errata.md.
 """
