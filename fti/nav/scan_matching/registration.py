@@ -14,7 +14,7 @@ over rough ground and woods.
 
 Directions.  The ground determines a horizontal direction if its information, without the height, is ``MIN_CERTAINTY``
 times its own standard deviation over the patches, and if the sigma is at most ``MAX_SD_M``.  In other directions the
-drift stays at zero, which is the inertial solution, and is not reported.
+drift stays where the search has begun and is not reported; that it may be off by ``expected_sd`` is in the covariance.
 
 Sources: Spiegel 2018, section 5.3; Huber 1981 (M-estimates); Cameron, Miller 2015 (jackknife over clusters).
 """
