@@ -79,7 +79,8 @@ class RangeImager(RangingSensor):
 
         Without the frame rate it is half of the footprint over the speed, that of eq. 5.6; section 7.4, fig. 7.37.
         """
-        intervals = np.arange(1.0, 2.0 * self.overlap_interval(height, speed) * self.frame_rate + 1.0) / self.frame_rate
+        longest = 2.0 * float(self.overlap_interval(height, speed))
+        intervals = np.arange(1.0, longest * self.frame_rate + 1.0) / self.frame_rate
         products = intervals * self.overlap_area(height, speed, intervals)
         return float(intervals[products.argmax()])
 

@@ -33,6 +33,7 @@ LONG |= {
     "multibeam",
     "ppsan",
     "ppsan_aiding",
+    "scan_registration",
     "slant_range",
     "strapdown",
     "trajectory",

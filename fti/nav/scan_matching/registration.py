@@ -30,7 +30,7 @@ from fti.arrays import Array, Mask
 from fti.nav.scan_matching.look import Look
 from fti.nav.scan_matching.plane_lattice import TIME, fit_planes, frame_around, surfaces_at
 from fti.nav.scan_matching.residuals import add_scores
-from fti.nav.scan_matching.shift_search import find_shifts
+from fti.nav.scan_matching.shift_search import find_shifts, height_offset
 
 #: Step of the lattice over the distance of the points: each node then has 7 to 13 points within its reach.
 STEP = 1.2
@@ -157,7 +157,7 @@ def register(
     if not len(shifts):
         return _refused(Refusal.FEW_POINTS, first, second)
     shift = np.zeros(6 if changing else 3)
-    shift[:2] = shifts[0]
+    shift[:3] = *shifts[0], height_offset(pair.planes, np.rint(shifts[0] / pair.frame.step).astype(int))
     try:
         sums, axes, shift = _refine(pair, shift)
         _refuse_rivals(shifts, axes, pair.frame.step)

@@ -53,6 +53,16 @@ def find_shifts(planes: tuple[Array, Array], step: float, expected_sd: float) ->
     return np.asarray(step * (numbers[:, ::-1] - reach), dtype=np.float64)
 
 
+def height_offset(planes: tuple[Array, Array], steps: Ints) -> float:
+    """Median of the height of the second surface above the first one, at a shift in steps east and north [m]."""
+    rows, columns = planes[0].shape[:2]
+    east, north = steps.tolist()
+    first = planes[0][max(-north, 0) : rows - max(north, 0), max(-east, 0) : columns - max(east, 0), UP]
+    second = planes[1][max(north, 0) : rows - max(-north, 0), max(east, 0) : columns - max(-east, 0), UP]
+    above = second - first
+    return float(np.median(above[np.isfinite(above)]))
+
+
 def _minima(totals: Array) -> Ints:
     """Row and column of the finite shifts that are not above any of their eight neighbours, shape (k, 2)."""
     padded = np.pad(totals, 1, constant_values=np.inf)

@@ -126,6 +126,13 @@ def test_a_large_drift_is_found_where_it_is_expected() -> None:
     assert np.abs(drift - [11.0, -8.0, 1.0]).max() < 0.1
 
 
+def test_a_height_that_is_far_off_is_found() -> None:
+    """40 m, and at another place: the residuals are then far beyond the weights of the first iteration."""
+    for up in (40.0, -3.5):
+        drift, _ = in_level_axes(drift_of(hills, (11.0, -8.0, up), 6, expected_sd=6.0))
+        assert np.abs(drift - [11.0, -8.0, up]).max() < 0.1
+
+
 def test_a_drift_that_was_not_expected_is_refused() -> None:
     found = drift_of(hills, (3.0, 0.0, 0.0), 7, expected_sd=0.2)
     assert found.refusals == (Refusal.UNEXPECTED,)
