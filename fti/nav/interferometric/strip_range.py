@@ -32,6 +32,7 @@ from fti.arrays import Array
 from fti.geodesy.formulas import bilinear
 from fti.kernel import kernel
 from fti.nav.terrain_matching.window import TerrainWindow
+from fti.terrain.memory import doubles_at
 
 #: Lines across the track, and distance of the points on them [m].
 ALONG, STEP_M = 11, 15.0
@@ -76,6 +77,7 @@ class _View(NamedTuple):
     right_across, right_ahead, right_up : the body's axis to the right, in axes of the track
     sin_swath : of the half;  sin_swath_2, sin_view_2 : squares of those of the halves, the first with a margin
     lowest, highest : of the ground [m];  max_distance : up to which the heights of the blocks are bounds [m]
+    rows, columns : of the posts;  heights, around : addresses of the posts and of ``_highest_around``
     """
 
     ahead_column: float
@@ -92,6 +94,10 @@ class _View(NamedTuple):
     lowest: float
     highest: float
     max_distance: float
+    rows: int
+    columns: int
+    heights: int = 0
+    around: int = 0
 
 
 def strip_ranges(window: TerrainWindow, positions: Array, strip: Strip) -> Array:
@@ -101,12 +107,13 @@ def strip_ranges(window: TerrainWindow, positions: Array, strip: Strip) -> Array
 
     positions : of the sensor, east, north, up, shape (n, 3) [m]
     """
-    if np.isnan(window.heights).all():
+    if min(window.heights.shape) < 2 or np.isnan(window.heights).all():
         return np.full(len(positions), np.nan)
     view = _make_view(window, float(positions[:, 2].max(initial=-np.inf)), strip)
     poses = np.column_stack((*window.places(positions[:, 0], positions[:, 1]), positions[:, 2]))
+    heights, around = np.ascontiguousarray(window.heights), _highest_around(window, view)
     found = np.empty(len(positions))
-    _fill(window.heights, _highest_around(window, view), poses, view, found)
+    _fill(poses, view._replace(heights=heights.ctypes.data, around=around.ctypes.data), found)
     return found
 
 
@@ -121,7 +128,7 @@ def _make_view(window: TerrainWindow, up: float, strip: Strip) -> _View:
         east / window.cell_m, north / window.cell_m, level, climb, 1.0 / level,
         right_east * north - right_north * east, right_east * east + right_north * north, right_up,
         swath, ((1.0 + EDGE_SHARE) * swath) ** 2, math.sin(strip.half_view) ** 2,
-        lowest, highest, MAX_DISTANCE_SHARE * (up - lowest),
+        lowest, highest, MAX_DISTANCE_SHARE * (up - lowest), *window.heights.shape,
     )  # fmt: skip
 
 
@@ -134,33 +141,31 @@ def _highest_around(window: TerrainWindow, view: _View) -> Array:
     rows = abs(view.ahead_column) * across + abs(view.ahead_row) * ahead
     size = [2 * math.ceil(half + 0.5) + 1 for half in (rows, columns)]
     known = np.where(np.isnan(window.heights), np.inf, window.heights)
-    return np.asarray(maximum_filter(known, size=size, mode="nearest"))
+    return np.ascontiguousarray(maximum_filter(known, size=size, mode="nearest"))
 
 
 @kernel
-def _fill(heights: Array, around: Array, poses: Array, view: _View, found: Array) -> None:
-    """poses : (n, 3) column, row, up [m];  around : as ``_highest_around``"""
+def _fill(poses: Array, view: _View, found: Array) -> None:
+    """poses : (n, 3) column, row, up [m]"""
     first = 0
     for i in range(len(poses)):
-        square, first = _nearest(heights, around, poses[i, 0], poses[i, 1], poses[i, 2], view, first)
+        square, first = _nearest(poses[i, 0], poses[i, 1], poses[i, 2], view, first)
         found[i] = math.sqrt(square) if square < np.inf else np.nan
 
 
 @kernel
-def _nearest(
-    heights: Array, around: Array, column: float, row: float, up: float, view: _View, first: int
-) -> tuple[float, int]:
+def _nearest(column: float, row: float, up: float, view: _View, first: int) -> tuple[float, int]:
     """Distance^2 of the nearest point, and its block.  first : this block is searched first"""
-    best = _search_block(heights, column, row, up, view, first, np.inf)
+    best = _search_block(column, row, up, view, first, np.inf)
     if math.isnan(best):  # it may be out of reach of this position
         best, first = np.inf, NO_BLOCK
     nearest, number, below = first, 0, max(up - view.highest, 0.0)
     while (BLOCK * (number // 2) * STEP_M) ** 2 + below * below < best:
         block = number // 2 if number % 2 == 0 else -(number // 2) - 1
         number += 1
-        if block == first or _is_farther(around, column, row, up, view, block, best):
+        if block == first or _is_farther(column, row, up, view, block, best):
             continue
-        square = _search_block(heights, column, row, up, view, block, best)
+        square = _search_block(column, row, up, view, block, best)
         if square < best:
             nearest = block
         best = square  # NaN ends the search
@@ -168,7 +173,7 @@ def _nearest(
 
 
 @kernel
-def _is_farther(around: Array, column: float, row: float, up: float, view: _View, block: int, best: float) -> bool:
+def _is_farther(column: float, row: float, up: float, view: _View, block: int, best: float) -> bool:
     """Whether the highest ground around a block is farther than the nearest point so far.  best : its distance^2"""
     if not best < view.max_distance * view.max_distance:
         return False
@@ -176,14 +181,15 @@ def _is_farther(around: Array, column: float, row: float, up: float, view: _View
     along = view.climb * view.per_level * (up - 0.5 * (view.lowest + view.highest))
     x = column + across * view.ahead_row + along * view.ahead_column
     y = row - across * view.ahead_column + along * view.ahead_row
-    rows, columns = around.shape
-    top = around[np.int32(min(max(y, 0.0), rows - 1.0) + 0.5), np.int32(min(max(x, 0.0), columns - 1.0) + 0.5)]
+    over = np.int32(min(max(y, 0.0), view.rows - 1.0) + 0.5)
+    at = np.int32(min(max(x, 0.0), view.columns - 1.0) + 0.5)
+    top = doubles_at(view.around)[np.uint64(over * view.columns + at)]
     least, below = max(abs(across) - 0.5 * (BLOCK - 1) * STEP_M, 0.0), max(up - top, 0.0)
     return bool(least * least + below * below >= best)
 
 
 @kernel
-def _search_block(heights: Array, column: float, row: float, up: float, view: _View, block: int, best: float) -> float:
+def _search_block(column: float, row: float, up: float, view: _View, block: int, best: float) -> float:
     """The least distance^2 of the points of a block, or ``best``; NaN over unknown ground."""
     below = max(up - view.highest, 0.0)
     low = high = middle = up - 0.5 * (view.lowest + view.highest)
@@ -193,37 +199,37 @@ def _search_block(heights: Array, column: float, row: float, up: float, view: _V
             break
         x, y = column + across * view.ahead_row, row - across * view.ahead_column
         times = FIRST_ITERATIONS if number == 0 else ITERATIONS
-        along, low = _place_at_edge(heights, x, y, up, view, across, -view.sin_swath, low, times)
+        along, low = _place_at_edge(x, y, up, view, across, -view.sin_swath, low, times)
         best = _nearer(view, across, along, low, best)
-        along, high = _place_at_edge(heights, x, y, up, view, across, view.sin_swath, high, times)
+        along, high = _place_at_edge(x, y, up, view, across, view.sin_swath, high, times)
         best = _nearer(view, across, along, high, best)
-        best, middle = _search_between(heights, x, y, up, view, across, middle, best)
+        best, middle = _search_between(x, y, up, view, across, middle, best)
     return best
 
 
 @kernel
 def _place_at_edge(
-    heights: Array, x: float, y: float, up: float, view: _View, across: float, sin_gamma: float, drop: float, times: int
+    x: float, y: float, up: float, view: _View, across: float, sin_gamma: float, drop: float, times: int
 ) -> tuple[float, float]:
     """Distance ahead and below of a point at an edge.  x, y : column and row of the track;  drop : about the second"""
     along = 0.0
     for _ in range(times):
         distance = math.sqrt(across * across + along * along + drop * drop)
         along = (sin_gamma * distance + view.climb * drop) * view.per_level
-        drop = up - _height_at(heights, x + along * view.ahead_column, y + along * view.ahead_row)
+        drop = up - _height_at(view, x + along * view.ahead_column, y + along * view.ahead_row)
     return along, drop
 
 
 @kernel
 def _search_between(
-    heights: Array, x: float, y: float, up: float, view: _View, across: float, drop: float, best: float
+    x: float, y: float, up: float, view: _View, across: float, drop: float, best: float
 ) -> tuple[float, float]:
     """The least distance^2 of points between the edges, or ``best``; drop of the middle.  drop : about the latter"""
     reach = view.sin_swath * math.sqrt(across * across + drop * drop) * view.per_level
     off = view.climb * drop * view.per_level
     for share in BETWEEN:
         along = share * reach + off
-        drop = up - _height_at(heights, x + along * view.ahead_column, y + along * view.ahead_row)
+        drop = up - _height_at(view, x + along * view.ahead_column, y + along * view.ahead_row)
         best = _nearer(view, across, along, drop, best)
     return best, drop
 
@@ -241,10 +247,13 @@ def _nearer(view: _View, across: float, along: float, drop: float, best: float) 
 
 
 @kernel
-def _height_at(heights: Array, x: float, y: float) -> float:
+def _height_at(view: _View, x: float, y: float) -> float:
     """The bilinear surface at column x and row y; NaN outside."""
-    is_inside = (x >= 0.0) & (x < heights.shape[1] - 1) & (y >= 0.0) & (y < heights.shape[0] - 1)
+    is_inside = (x >= 0.0) & (x < view.columns - 1) & (y >= 0.0) & (y < view.rows - 1)
     west, south = np.int32(x if is_inside else 0.0), np.int32(y if is_inside else 0.0)
-    at, over, one = np.uint64(west), np.uint64(south), np.uint64(1)
-    corners = (heights[over, at], heights[over, at + one], heights[over + one, at], heights[over + one, at + one])
+    # an address, not an array: the compiler counts references to arrays at every call, which takes half of the time
+    heights, one = doubles_at(view.heights), np.uint64(1)
+    at = np.uint64(south * view.columns + west)
+    over = at + np.uint64(view.columns)
+    corners = (heights[at], heights[at + one], heights[over], heights[over + one])
     return bilinear(corners, x - west, y - south)[0] if is_inside else np.nan

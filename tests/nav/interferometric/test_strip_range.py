@@ -103,10 +103,15 @@ def test_the_range_does_not_depend_on_the_positions_before() -> None:
 
 
 def test_above_unknown_ground_and_below_the_highest_ground() -> None:
-    """All posts unknown: no range.  A hill that is higher than the aircraft, 3 km away: the ground below is nearest."""
+    """All posts unknown, or one row of posts: no range.
+
+    A hill that is higher than the aircraft, 3 km away: the ground below is nearest.
+    """
     window = plane()
     window.heights[:] = np.nan
     assert np.isnan(strip_ranges(window, ABOVE, strip(*attitude()))).all()
+    row = TerrainWindow(np.zeros((1, 200)), CELL, -HALF, -HALF)
+    assert np.isnan(strip_ranges(row, ABOVE, strip(*attitude()))).all()
     hill = plane()
     hill.heights[:, -20:] = 3000.0
     assert strip_ranges(hill, ABOVE, strip(*attitude())) == pytest.approx([2000.0], abs=1e-6)
