@@ -17,7 +17,7 @@ from fti.nav.terrain_filters.terrain_filter import TerrainFilter
 from fti.nav.terrain_matching.fix import MatchFix, MatchLimits, MatchPriors, Refusal
 from fti.nav.terrain_matching.profile import Profile
 from fti.nav.terrain_matching.search import Lattice
-from fti.nav.terrain_matching.window import TerrainWindow
+from fti.nav.terrain_matching.window import TerrainWindow, finest_window
 from fti.study.ground_flights import relief
 from fti.terrain.terrain import Terrain
 
@@ -50,8 +50,7 @@ class Task:
     limits: MatchLimits = MatchLimits()  # noqa: RUF009 - frozen
 
     def search_area(self) -> tuple[Profile, TerrainWindow, Lattice]:
-        layer = GROUND.finest
-        return self.profile, TerrainWindow(layer.heights, layer.cell_m, layer.east0, layer.north0), Lattice(2)
+        return self.profile, finest_window(GROUND), Lattice(2)
 
 
 def task(begin_s: float, shift: Array, ground: Terrain = GROUND, cov: Array | None = None) -> MatchTask:

@@ -45,14 +45,13 @@ def weigh_positions(
     probability, mean, variance : of each position, shape (n,) [1, m, m^2]; changed in place
     ground, noise : of the sample: height [m], variance [m^2]
     spread        : a position stands for an area of this variance for each axis, in units of the posts' distance^2
-    Returns       : sum of the new probabilities, which are normalised, before the normalisation: likelihood of the
-                    sample relative to the largest one; 0 if no position with a probability is over known ground:
-                    nothing is changed
+    Returns       : square of the sample's residual over its variance as all positions together predict it; NaN if no
+                    position with a probability is over known ground: then nothing is changed
     """
     last_row, last_column = heights.shape[0] - 1, heights.shape[1] - 1
     residual, total = np.empty(len(columns)), np.empty(len(columns))
     exponent = np.empty(len(columns))
-    best, known = -np.inf, 0.0
+    best, known, first, second = -np.inf, 0.0, 0.0, 0.0
     for i in range(len(columns)):
         x, y = columns[i], rows[i]
         residual[i] = np.nan
@@ -69,9 +68,11 @@ def weigh_positions(
         total[i] = variance[i] + noise + spread * (east * east + north * north)
         exponent[i] = -0.5 * (residual[i] * residual[i] / total[i] + math.log(total[i]))
         known += probability[i]
+        first += probability[i] * residual[i]
+        second += probability[i] * (residual[i] * residual[i] + total[i])
         best = max(best, exponent[i])
     if known == 0.0:
-        return 0.0
+        return np.nan
     weighted = 0.0
     for i in range(len(columns)):
         if not math.isnan(residual[i]):
@@ -87,4 +88,5 @@ def weigh_positions(
         summed += probability[i]
     for i in range(len(columns)):
         probability[i] /= summed
-    return summed
+    first, second = first / known, second / known
+    return first * first / (second - first * first)

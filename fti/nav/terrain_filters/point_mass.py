@@ -79,6 +79,7 @@ class PointMassFilter:
         self._probability = np.outer(along, along) / along.sum() ** 2
         self._mean = np.zeros_like(self._probability)
         self._variance = np.full_like(self._probability, model.height_sd**2)
+        self._residual_2 = math.nan
 
     @property
     def cell_m(self) -> float:
@@ -98,6 +99,11 @@ class PointMassFilter:
         east, north = self._axes()
         probability, mean, variance = (grid[row, column] for grid in (self._probability, self._mean, self._variance))
         return GridCells(east[column], north[row], probability, mean, variance, self._cell)
+
+    @property
+    def residual_2(self) -> float:
+        """Residual^2 over variance of the last sample as the grid predicted it; NaN over unknown ground."""
+        return self._residual_2
 
     def is_within(self, distance_m: float) -> bool:
         """Whether the shift is within a distance of its mean, but for ``BEYOND_SHARE``."""
@@ -122,7 +128,7 @@ class PointMassFilter:
         rows, columns = self.shape
         east, north = self._axes()
         column, row = window.places(sample.east + east, sample.north + north)
-        weigh_positions(
+        self._residual_2 = weigh_positions(
             window.heights,
             np.tile(column, rows),
             np.repeat(row, columns),

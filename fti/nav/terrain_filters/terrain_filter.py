@@ -60,10 +60,10 @@ class TerrainFilter:
     def update(self, window: TerrainWindow, sample: HeightSample) -> None:
         """Measurement update; a sample without known ground changes nothing."""
         self._form.update(window, sample)
-        if isinstance(self._form, PointMassFilter):
-            self._leave_grid(self._form)
-        elif self._test.add(self._form.residual_2):
+        if self._test.add(self._form.residual_2):
             self._restart()
+        elif isinstance(self._form, PointMassFilter):
+            self._leave_grid(self._form)
 
     def correct(self, east: float, north: float) -> None:
         """The navigated position was changed by this [m]."""

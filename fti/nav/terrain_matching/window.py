@@ -45,6 +45,12 @@ def _divide(heights: Array, parts: int) -> Array:
     return rows
 
 
+def finest_window(terrain: Terrain) -> TerrainWindow:
+    """All posts of the finest layer."""
+    layer = terrain.finest
+    return TerrainWindow(layer.heights, layer.cell_m, layer.east0, layer.north0)
+
+
 def cut_window(terrain: Terrain, profile: Profile, margin_m: float) -> TerrainWindow:
     """The posts around a profile.
 

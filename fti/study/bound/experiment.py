@@ -17,7 +17,7 @@ from fti.nav.terrain_filters.drift_model import HEIGHT, SHIFT, DriftModel
 from fti.nav.terrain_filters.height_sample import HeightSample
 from fti.nav.terrain_filters.point_mass import PointMassFilter
 from fti.nav.terrain_filters.terrain_filter import TerrainFilter
-from fti.nav.terrain_matching.window import TerrainWindow
+from fti.nav.terrain_matching.window import finest_window
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
 
@@ -113,8 +113,7 @@ def track(name: str, seed: int) -> FilterTrack:
     """A flight of a case; the same seed has the same ground and course, and the same errors in units of their sigma."""
     case, rng = CASES[name], np.random.default_rng([seed, 1])
     terrain, course = ground(seed // RUNS_PER_GROUND), rng.uniform(0.0, math.tau)
-    layer, direction = terrain.finest, np.array([math.sin(course), math.cos(course)])
-    window = TerrainWindow(layer.heights, layer.cell_m, layer.east0, layer.north0)
+    window, direction = finest_window(terrain), np.array([math.sin(course), math.cos(course)])
     states = _errors(case.model, rng)
     tracked, bound = case.make(case.model, seed), PosteriorBound(case.model)
     rows = []

@@ -15,8 +15,7 @@ from fti.nav.terrain_filters.particle_drawing import choose_origins
 from fti.nav.terrain_filters.particle_kernels import PROBABILITY, exp_of_negative
 from fti.nav.terrain_filters.point_mass import PointMassFilter
 from fti.nav.terrain_filters.sir import MIN_PARTICLES, ParticleFilter
-from fti.nav.terrain_matching.window import TerrainWindow
-from fti.terrain.terrain import Terrain
+from fti.nav.terrain_matching.window import TerrainWindow, finest_window
 from tests.nav.terrain_filters.kalman import CELL_M, HALF_M, SLOPES, PlaneFilter, draw_samples, plane
 from tests.nav.terrain_matching.grounds import fly, hills
 
@@ -61,7 +60,7 @@ def test_with_a_velocity_error_it_is_the_kalman_filter_of_five_states() -> None:
 def test_over_hills_it_is_the_point_mass_filter(particles: int) -> None:
     """Another algorithm for the same probability, which has the likelihood of the profile."""
     ground, model = hills(), DriftModel(position_sd=20.0, height_sd=5.0, position_walk=1.5, height_walk=0.1)
-    window, noise = window_of(ground), np.random.default_rng(3).normal(size=40)
+    window, noise = finest_window(ground), np.random.default_rng(3).normal(size=40)
     profile = fly(ground, (18.0, -11.0), samples=40, height_error=2.0, noise=noise)
     found, exact = ParticleFilter(model, particles), PointMassFilter(model)
     for number, up in enumerate(profile.ground.tolist()):
@@ -126,7 +125,7 @@ def test_particles_are_fewer_when_one_hill_is_left_and_not_before() -> None:
     axis = np.arange(-HALF_M, HALF_M + CELL_M, CELL_M)
     waves = 20.0 * (np.sin(math.tau * axis / 300.0) + np.sin(math.tau * axis[:, None] / 300.0))
     repeated, once = ParticleFilter(model, 20_000), ParticleFilter(model, 20_000)
-    unique, ground = hills(size=800), window_of(hills(size=800))
+    unique, ground = hills(size=800), finest_window(hills(size=800))
     for number in range(25):
         east, north = 1200.0 + 60.0 * number, 1000.0 + 35.0 * number
         x, y = ((at + 20.0) / 300.0 * math.tau for at in (east - 2000.0, north - 2000.0))
@@ -185,11 +184,6 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
 def test_a_velocity_error_is_refused_by_the_sir_filter() -> None:
     with pytest.raises(ValueError, match="velocity error"):
         ParticleFilter(DriftModel(1.0, 1.0, velocity_sd=0.1))
-
-
-def window_of(ground: Terrain) -> TerrainWindow:
-    layer = ground.finest
-    return TerrainWindow(layer.heights, layer.cell_m, layer.east0, layer.north0)
 
 
 def lattice_of(half_m: float, step_m: float) -> Array:

@@ -9,8 +9,8 @@ from fti.nav.terrain_filters.drift_model import DriftModel
 from fti.nav.terrain_filters.height_sample import HeightSample
 from fti.nav.terrain_filters.point_mass import MAX_CELLS, PointMassFilter
 from fti.nav.terrain_matching.likelihood import Likelihood
-from fti.nav.terrain_matching.window import TerrainWindow
-from tests.nav.terrain_filters.kalman import CELL_M, HALF_M, PlaneFilter, draw_samples, plane
+from fti.nav.terrain_matching.window import TerrainWindow, finest_window
+from tests.nav.terrain_filters.kalman import CELL_M, HALF_M, SLOPES, PlaneFilter, draw_samples, plane
 from tests.nav.terrain_matching.grounds import fly, hills
 
 MODEL = DriftModel(position_sd=60.0, height_sd=5.0, position_walk=2.0, height_walk=0.2)
@@ -21,7 +21,12 @@ def test_over_a_plane_it_is_the_kalman_filter() -> None:
     for sample in draw_samples(30, seed=1):
         found.predict(1.5)
         exact.predict(2.0**2 * 1.5, 0.2**2 * 1.5)
+        row = np.array([*SLOPES, 1.0])
+        residual = sample.ground - SLOPES[0] * sample.east - SLOPES[1] * sample.north - row @ exact.mean
         found.update(plane(), sample)
+        assert found.residual_2 == pytest.approx(
+            residual**2 / (row @ exact.cov @ row + sample.sd**2), rel=0.03, abs=0.05
+        )
         exact.update(sample)
     estimate, sds = found.estimate(), np.sqrt(np.diag(exact.cov))
     assert np.abs(estimate.shift - exact.mean[:2]).max() < 0.05 * sds[:2].min()
@@ -34,8 +39,7 @@ def test_without_drift_it_has_the_likelihood_of_the_profile() -> None:
     """The posterior on a lattice of 0.3 m from the chi-square of the whole profile, times the prior."""
     ground = hills()
     profile = fly(ground, (18.0, -11.0), samples=25, height_error=2.0, noise=np.random.default_rng(3).normal(size=25))
-    layer = ground.finest
-    window = TerrainWindow(layer.heights, layer.cell_m, layer.east0, layer.north0)
+    window = finest_window(ground)
     found = PointMassFilter(DriftModel(position_sd=10.0, height_sd=profile.height_sd), start_cell_m=0.4)
     for east, north, up, sd in zip(profile.east, profile.north, profile.ground, profile.sd, strict=True):
         found.update(window, HeightSample(east, north, up, sd))
@@ -66,6 +70,7 @@ def test_unknown_ground_gives_no_information() -> None:
     found, before = PointMassFilter(MODEL), PointMassFilter(MODEL).estimate()
     unknown = TerrainWindow(np.full((801, 801), np.nan), CELL_M, -HALF_M, -HALF_M)
     found.update(unknown, HeightSample(0.0, 0.0, 100.0, 1.0))
+    assert np.isnan(found.residual_2)
     found.update(plane(), HeightSample(0.0, 9000.0, 100.0, 1.0))  # outside of the posts
     assert found.estimate().cov == pytest.approx(before.cov, rel=1e-6)
     half = plane()

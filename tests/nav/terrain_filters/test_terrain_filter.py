@@ -9,14 +9,14 @@ from fti.nav.terrain_filters.drift_model import DriftModel
 from fti.nav.terrain_filters.height_sample import HeightSample
 from fti.nav.terrain_filters.recovery import SAMPLES, ResidualTest
 from fti.nav.terrain_filters.terrain_filter import TerrainFilter
-from fti.nav.terrain_matching.window import TerrainWindow
+from fti.nav.terrain_matching.window import TerrainWindow, finest_window
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
 
 RELIEF = Terrain.from_array(
     fractal_relief((800, 800), 10.0, np.random.default_rng(5), sd=40.0, max_size_m=2000.0, min_size_m=60.0), 10.0
 )
-WINDOW = TerrainWindow(RELIEF.finest.heights, 10.0, 0.0, 0.0)
+WINDOW = finest_window(RELIEF)
 
 
 def fly(found: TerrainFilter, seconds: int, shift: tuple[float, float], begin: int = 0) -> None:
@@ -54,6 +54,18 @@ def test_a_lost_filter_begins_again_and_finds_the_position() -> None:
     fly(found, 40, (-180.0, 180.0), begin=30)
     assert found.restarts >= 1
     assert found.estimate().shift == pytest.approx((-180.0, 180.0), abs=10.0)
+
+
+def test_a_lost_grid_begins_again() -> None:
+    """Level ground leaves the position open, so the form stays a grid.  The height jumps by 20 m."""
+    found = TerrainFilter(DriftModel(800.0, 5.0, 1.0, 0.05))
+    level = TerrainWindow(np.zeros((800, 800)), 10.0, 0.0, 0.0)
+    for number in range(60):
+        found.predict(1.0)
+        found.update(level, HeightSample(4000.0, 4000.0, 2.0 if number < 20 else 22.0, 1.5))
+        assert found.particles == 0
+        assert (found.restarts == 0) == (number < 20)
+    assert found.restarts < 5
 
 
 def test_the_residual_test_has_the_limit_of_ten_samples_at_one_in_100_000() -> None:
