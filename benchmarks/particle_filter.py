@@ -44,7 +44,7 @@ from fti.arrays import Array
 from fti.nav.terrain_filters import sir
 from fti.nav.terrain_filters.height_sample import HeightSample
 from fti.nav.terrain_filters.sir import ParticleFilter
-from fti.study.ira_particle_filter.experiment import HEIGHT_M, RELIEF_M
+from fti.study.ira_particle_filter.experiment import HEIGHT_M, KINDS
 
 COUNTS = (1000, 100_000)
 #: Rounds, and steps of a round, by the number of particles.
@@ -149,7 +149,7 @@ def main() -> int:
     print(machine())
     for count in COUNTS:
         compare(targets, "height", flight, {"fti": Fti, **OTHERS}, count, ROUNDS, STEPS[count])
-    for kind in RELIEF_M:
+    for kind in KINDS:
         compare_ranges(targets, kind)
     share = live_share(flight)
     targets.check(

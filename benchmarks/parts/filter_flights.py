@@ -16,7 +16,7 @@ from fti.arrays import Array
 from fti.nav.interferometric import strip_range
 from fti.nav.terrain_filters.drift_model import DriftModel
 from fti.nav.terrain_filters.height_sample import HeightSample
-from fti.nav.terrain_matching.window import TerrainWindow
+from fti.nav.terrain_matching.window import TerrainWindow, finest_window
 from fti.study.ira_particle_filter import experiment
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
@@ -56,7 +56,7 @@ class HeightFlight(Flight):
             (POSTS, POSTS), CELL_M, np.random.default_rng(1), sd=40.0, max_size_m=3000.0, min_size_m=60.0
         )
         ground = Terrain.from_array(relief, CELL_M)
-        self.window = TerrainWindow(ground.finest.heights, CELL_M, 0.0, 0.0)
+        self.window = finest_window(ground)
         along = 1000.0 + self.period_s * SPEED_MPS * np.arange(800)
         noise = HEIGHT_M + NOISE_M * np.random.default_rng(2).standard_normal(len(along))
         up = ground.up(along + self.shift[0], along + self.shift[1]) + noise
@@ -76,7 +76,7 @@ class RangeFlight(Flight):
     def __init__(self, kind: str) -> None:
         ground = experiment.make_ground(kind, 0)
         self.window = ground.posts
-        found = experiment.measure(ground.terrain, np.random.default_rng(2))
+        found = experiment.measure(ground.terrain, np.random.default_rng(2), experiment.ELEVATION_SD_M)
         self.samples = [
             HeightSample(east, north, up, experiment.IRA_SD_M)
             for (east, north), up in zip((found.true - self.shift).tolist(), found.apparent.tolist(), strict=True)
@@ -98,7 +98,7 @@ def map_heights(
     window: TerrainWindow, sample: HeightSample, east: Array, north: Array, ranges: Ranges
 ) -> TerrainWindow:
     """Altitude minus predicted range, on nodes around all shifts."""
-    node = experiment.NODE_M
+    node = experiment.RELIEFS["rough"].node
     axes = [
         node * np.arange(math.floor((at + off.min()) / node), math.floor((at + off.max()) / node) + 2)
         for at, off in ((sample.east, east), (sample.north, north))

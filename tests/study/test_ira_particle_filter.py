@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +11,19 @@ import pytest
 from fti.cli.main import main
 from fti.plot_style import write_figure
 from fti.study import ira_particle_filter
-from fti.study.ira_particle_filter import plots
+from fti.study.ira_particle_filter import fine_map, plots
 from fti.study.ira_particle_filter.experiment import (
     CORRIDOR_M,
+    ELEVATION_SD_M,
     HEIGHT_M,
+    KINDS,
     MODELS,
-    RELIEF_M,
     SAMPLES,
     STARTS_M,
     FilterErrors,
     fly,
     make_ground,
+    measure,
 )
 from fti.study.ira_particle_filter.judge import judge
 
@@ -41,7 +44,12 @@ def not_held(**levels: float) -> set[str]:
             for name in MODELS
         }
 
-    results = judge({kind: [run() for _ in range(100)] for kind in RELIEF_M})
+    fine = {
+        (increment, name): FilterErrors(np.full(SAMPLES, rms.get(name, 25.0) ** 2), np.full(SAMPLES, 4.0))
+        for increment in fine_map.INCREMENTS_M
+        for name in fine_map.MODELS
+    }
+    results = judge({kind: [run() for _ in range(100)] for kind in KINDS}, [fine] * 25)
     assert len({result.id for result in results}) == len(results)
     assert {type(result.holds) for result in results} == {bool}
     assert {type(result.value) for result in results} == {float}
@@ -69,7 +77,7 @@ def test_predicted_ranges_cover_the_corridor() -> None:
 
 
 def test_a_run_of_each_kind() -> None:
-    for kind in RELIEF_M:
+    for kind in KINDS:
         found = fly((kind, 40))
         for start in STARTS_M:
             errors = {name: np.sqrt(found[start, name].error[50:].mean()) for name in MODELS}
@@ -78,6 +86,28 @@ def test_a_run_of_each_kind() -> None:
             bound = found[start, "proposed"].bound
             assert 3.0 < np.sqrt(bound[-1]) < np.sqrt(bound[0])
         assert found[100.0, "proposed"].error.shape == (SAMPLES,)
+
+
+def test_a_run_over_the_fine_map() -> None:
+    """Slower drift, smaller error and bound; the bound knows the sigma of the range."""
+    found = fine_map.fly(40)
+    bounds = [np.sqrt(found[increment, "proposed"].bound[50:].mean()) for increment in fine_map.INCREMENTS_M]
+    assert bounds == sorted(bounds, reverse=True)
+    assert np.sqrt(found[0.1, "proposed"].error[50:].mean()) < 20.0
+    assert make_ground("fine", 10).posts.cell_m == 12.0
+
+
+def test_heights_have_the_errors_of_the_source() -> None:
+    """15 m of the height below contain 10 m, 3 m and the elevation, which the measured point has, too."""
+    ground = make_ground("smooth", 3)
+    flights = [measure(ground.terrain, np.random.default_rng(number), ELEVATION_SD_M) for number in range(40)]
+    below = [found.below - ground.terrain.up(*found.true.T) for found in flights]
+    places = [(found.true + found.point).T for found in flights]
+    at_point = [found.at_point - ground.terrain.up(*place) for found, place in zip(flights, places, strict=True)]
+    elevation = [found.in_map - found.apparent for found in flights]
+    assert np.std(below) == pytest.approx(15.0, rel=0.05)
+    assert np.std(elevation) == pytest.approx(math.sqrt(15.0**2 - 10.0**2 - 3.0**2), rel=0.05)
+    assert np.std(at_point) == pytest.approx(math.sqrt(4.54**2 + 3.0**2 + 116.0), rel=0.05)
 
 
 def test_the_picture_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

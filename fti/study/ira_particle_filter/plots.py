@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fti.plot_style import BLUE, GREY, ORANGE, VERMILION, label_axes, new_figure
-from fti.study.ira_particle_filter.experiment import MODELS, PERIOD_S, RELIEF_M, SAMPLES, STARTS_M, fly
+from fti.study.ira_particle_filter.experiment import KINDS, MODELS, PERIOD_S, SAMPLES, STARTS_M, fly
 
 RUNS = 12
 COLOURS = {"radar": GREY, "nadir": ORANGE, "typical": VERMILION, "proposed": BLUE}
@@ -20,9 +20,9 @@ def errors(seed: int) -> Figure:
         width=10.5,
         height=7.5,
     )
-    grid = figure.subplots(len(RELIEF_M), len(STARTS_M), sharex=True)
+    grid = figure.subplots(len(KINDS), len(STARTS_M), sharex=True)
     t = PERIOD_S * np.arange(SAMPLES)
-    for row, kind in zip(grid, RELIEF_M, strict=True):
+    for row, kind in zip(grid, KINDS, strict=True):
         runs = [fly((kind, seed + number)) for number in range(RUNS)]
         for axes, start in zip(row, STARTS_M, strict=True):
             for name, colour in COLOURS.items():
