@@ -103,15 +103,15 @@ class _View(NamedTuple):
 def strip_ranges(window: TerrainWindow, positions: Array, strip: Strip) -> Array:
     """Predicted slant ranges [m], shape (n,).
 
-    NaN where the window ends or has unknown ground within reach, or no ground is in the strip.
-
+    NaN where the window ends or has unknown ground within reach, where no ground is in the strip, and for a position
+    that is NaN.
     positions : of the sensor, east, north, up, shape (n, 3) [m]
     """
     if min(window.heights.shape) < 2 or np.isnan(window.heights).all():
         return np.full(len(positions), np.nan)
-    view = _make_view(window, float(positions[:, 2].max(initial=-np.inf)), strip)
+    view = _make_view(window, float(np.fmax.reduce(positions[:, 2], initial=-np.inf)), strip)
     poses = np.column_stack((*window.places(positions[:, 0], positions[:, 1]), positions[:, 2]))
-    heights, around = np.ascontiguousarray(window.heights), _highest_around(window, view)
+    heights, around = np.ascontiguousarray(window.heights, dtype=np.float64), _highest_around(window, view)
     found = np.empty(len(positions))
     _fill(poses, view._replace(heights=heights.ctypes.data, around=around.ctypes.data), found)
     return found
@@ -128,7 +128,7 @@ def _make_view(window: TerrainWindow, up: float, strip: Strip) -> _View:
         east / window.cell_m, north / window.cell_m, level, climb, 1.0 / level,
         right_east * north - right_north * east, right_east * east + right_north * north, right_up,
         swath, ((1.0 + EDGE_SHARE) * swath) ** 2, math.sin(strip.half_view) ** 2,
-        lowest, highest, MAX_DISTANCE_SHARE * (up - lowest), *window.heights.shape,
+        lowest, highest, MAX_DISTANCE_SHARE * max(up - lowest, 0.0), *window.heights.shape,
     )  # fmt: skip
 
 

@@ -117,6 +117,14 @@ def test_above_unknown_ground_and_below_the_highest_ground() -> None:
     assert strip_ranges(hill, ABOVE, strip(*attitude())) == pytest.approx([2000.0], abs=1e-6)
 
 
+def test_positions_that_are_unknown_or_below_the_ground() -> None:
+    unknown = np.vstack((ABOVE, [[np.nan, 0.0, 2000.0]], [[0.0, 0.0, np.nan]], ABOVE))
+    assert np.isnan(strip_ranges(plane(), unknown, strip(*attitude()))).tolist() == [False, True, True, False]
+    assert strip_ranges(plane(), np.empty((0, 3)), strip(*attitude())).shape == (0,)
+    deep = np.array([[20.0, -30.0, -500.0]])
+    assert strip_ranges(plane(), deep, strip(*attitude())) == pytest.approx([500.0], abs=1e-6)
+
+
 def test_without_a_horizontal_velocity_there_is_no_strip() -> None:
     with pytest.raises(ValueError, match="horizontal part"):
         Strip(np.array([0.0, 0.0, 5.0]), np.array([1.0, 0.0, 0.0]), 0.04, 0.5)
