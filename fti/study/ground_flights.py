@@ -170,7 +170,7 @@ def displaced(case: GroundCase, seed: int, number: int) -> GroundCase:
     return replace(case, map_shift=(float(east), float(north)))
 
 
-def _slow(rng: Rng, t: Array, sd: float, tau_s: float) -> Array:
+def gauss_markov(rng: Rng, t: Array, sd: float, tau_s: float) -> Array:
     """A first-order Gauss-Markov error at times, shape (n,)."""
     result = np.empty(len(t))
     result[0] = rng.normal(0.0, sd)
@@ -198,10 +198,10 @@ class Sensors:
         self.fix_t = np.arange(SATELLITES_S, case.seconds - 2.0 * STEP_S, SATELLITES_S) + 0.013
         self.fix_truth = self.flight.state(self.fix_t)
         self.offsets = self._offsets(case, rng)
-        velocity = np.stack([_slow(rng, self.fix_t, VELOCITY_SD, VELOCITY_S) for _ in range(3)], axis=1)
+        velocity = np.stack([gauss_markov(rng, self.fix_t, VELOCITY_SD, VELOCITY_S) for _ in range(3)], axis=1)
         velocity *= np.array([case.degradation_at(float(t)) for t in self.fix_t])[:, None]
         self.velocities = self.fix_truth.vel_n + velocity + self._ramp_rate(case)
-        baro = BARO_OFFSET_M * rng.standard_normal() + _slow(rng, self.fix_t, BARO_DRIFT_M, BARO_S)
+        baro = BARO_OFFSET_M * rng.standard_normal() + gauss_markov(rng, self.fix_t, BARO_DRIFT_M, BARO_S)
         self.pressure = self.fix_truth.alt + baro + BARO_NOISE_M * rng.standard_normal(len(self.fix_t))
         self.height_t = np.arange(case.height_s, case.seconds - 2.0 * STEP_S, case.height_s) + 0.021
         self.height_truth = self.flight.state(self.height_t)
@@ -221,7 +221,7 @@ class Sensors:
 
     def _offsets(self, case: GroundCase, rng: Rng) -> Array:
         """Errors of the satellites: north, east, down (n, 3), in units of their sigma; and the ramp [m]."""
-        slow = np.stack([_slow(rng, self.fix_t, math.sqrt(SLOW_SHARE), SLOW_S) for _ in range(3)], axis=1)
+        slow = np.stack([gauss_markov(rng, self.fix_t, math.sqrt(SLOW_SHARE), SLOW_S) for _ in range(3)], axis=1)
         unit = slow + math.sqrt(1.0 - SLOW_SHARE) * rng.standard_normal(slow.shape)
         sds = [case.sds_at(float(t)) or (0.0, 0.0) for t in self.fix_t]
         return np.asarray(unit * [(level, level, vertical) for level, vertical in sds] + self._ramp(case))

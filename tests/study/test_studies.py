@@ -26,6 +26,7 @@ RUNS = {"device_clock": 5, "triple_buffer": 1}
 LONG = {"approach", "clearance", "compensation", "faults", "filter", "matching", "ranging", "robust_altimeter"}
 LONG |= {
     "bound",
+    "dead_reckoning",
     "ground_watch",
     "ira_closest_point",
     "ira_particle_filter",

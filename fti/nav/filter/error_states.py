@@ -49,6 +49,10 @@ class Extra(StrEnum):
     MAP_EAST = "map_east"
 
 
+#: Names of the states of a look begin and its first one ends so.
+LOOK, FIRST = "look", ".position_x"
+
+
 @dataclass(frozen=True, slots=True)
 class Drift:
     """A first-order Gauss-Markov error, correlated over time, over the distance flown, or both.
@@ -169,6 +173,11 @@ class FilterModel:
     def columns(self) -> dict[str, int]:
         """Columns of the extras; others are not states."""
         return {extra: self.base + at for at, extra in enumerate(self.extras)}
+
+    @functools.cached_property
+    def looks(self) -> tuple[int, ...]:
+        """First columns of the looks: position and turn of the past (``look_mark``)."""
+        return tuple(column for name, column in self.columns.items() if name.startswith(LOOK) and name.endswith(FIRST))
 
     @functools.cached_property
     def drifts(self) -> Array:

@@ -10,14 +10,23 @@ others.  d and psi are those states, relative to the pose that placed the look; 
 
     d_mark = x(t_look) - x_pose,   psi_mark = turn from the pose's attitude to that of t_look,   d/dt = 0
 
-Two slow states are errors of the sensor: a share of the displacement between the looks (range scale, and the shift that
-rough ground and woods cause since both looks see them from opposite sides), and the angle of its mounting about the
-vertical, which moves the second look across the track.
+Two slow states are errors of the sensor: a share of the ranges (range scale, and the shift along the track that rough
+ground and woods cause since both looks see them from opposite sides), and the angle of its mounting about the axis z of
+the body, which moves the second look across the track.
 
-    ds += share (x_2 - x_1) + angle down x (x_2 - x_1)
+    ds += share (r_2 - r_1) + angle (z_2 x r_2 - z_1 x r_1)
+
+Only a drift is measured: a turn of everything about the vertical changes nothing, and no number of looks may determine
+the heading.  Turned by psi, a position errs by psi x x and a velocity by psi x v.  So that the covariance remains one
+of such errors when an update moves x and v, it is moved along (``carry_turns``): the errors of an invariant filter,
+which are free of the estimate, keep their covariance.  Without it 500 s of drifts of 3 cm halve the sigma of the
+heading, and its error stays.
+
+    d' = d + psi x (x_after - x_before),     velocity and each look likewise
 
 The printed aiding (Spiegel 2018, eq. 5.9 to 5.13) has no attitude: a heading error psi shifts a pair by v dt psi.
-Source: Spiegel 2018, section 5.5 as corrected in docs/errata.md; Roumeliotis, Burdick 2002 (stochastic cloning).
+Sources: Spiegel 2018, section 5.5 as corrected in docs/errata.md; Roumeliotis, Burdick 2002 (stochastic cloning);
+Barrau, Bonnabel 2017 (invariant extended Kalman filter); Hesch et al. 2014 (false observability of the heading).
 """
 
 from __future__ import annotations
@@ -28,9 +37,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fti.arrays import Array
+from fti.kernel import kernel
 from fti.nav.filter.aiding import NO_AXES, NoOwnStates, enter_drift, skew
 from fti.nav.filter.antenna import Matrices
-from fti.nav.filter.error_states import Drift
+from fti.nav.filter.error_states import LOOK, Drift
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.kernels import EXTRAS
 from fti.nav.filter.position_mark import MARK_DRIFT
@@ -40,7 +50,7 @@ from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
 STATES = 6
 #: Name of the drifts in the filter; devices name no quantity so.
 SCAN_DRIFT = "scan.drift"
-#: Share of the displacement, and mounting about the vertical [rad], by their names.
+#: Share of the ranges, and mounting about the axis z of the body [rad], by their names.
 SHARE, YAW = "scan_share", "scan_yaw"
 #: 0.12 to 0.22 m in a pair of 170 m over rough ground and woods, another one with the next land cover.
 SHARE_DRIFT = Drift(0.002, length_m=10e3)
@@ -54,8 +64,34 @@ def look_drifts(looks: int) -> dict[str, Drift]:
     return {**dict.fromkeys(names, MARK_DRIFT), SHARE: SHARE_DRIFT, YAW: YAW_DRIFT}
 
 
+def carry_turns(before: Array, after: Estimate) -> None:
+    """Move the covariance of an estimate along with an update, in place.  before : y before the update"""
+    moved = after.y - before
+    _carry_turn(after.P, POS, TURN, moved[:VEL])
+    _carry_turn(after.P, VEL, TURN, moved[VEL:TURN])
+    for column in after.model.looks:
+        slow = EXTRAS + column - after.model.base
+        _carry_turn(after.P, column, column + 3, moved[slow : slow + 3])
+
+
+@kernel
+def _carry_turn(P: Array, at: int, turn: int, moved: Array) -> None:
+    """P of d + psi x moved: d the three states from ``at`` on, psi those from ``turn`` on."""
+    x, y, z = moved[0], moved[1], moved[2]
+    for j in range(len(P)):
+        a, b, c = P[turn, j], P[turn + 1, j], P[turn + 2, j]
+        P[at, j] += b * z - c * y
+        P[at + 1, j] += c * x - a * z
+        P[at + 2, j] += a * y - b * x
+    for j in range(len(P)):
+        a, b, c = P[j, turn], P[j, turn + 1], P[j, turn + 2]
+        P[j, at] += b * z - c * y
+        P[j, at + 1] += c * x - a * z
+        P[j, at + 2] += a * y - b * x
+
+
 def _names(slot: int) -> list[str]:
-    return [f"look{slot}.{what}_{axis}" for what in ("position", "turn") for axis in "xyz"]
+    return [f"{LOOK}{slot}.{what}_{axis}" for what in ("position", "turn") for axis in "xyz"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -137,17 +173,17 @@ class LookDrift(NoOwnStates):
         model = estimate.model
         column = self.first.first_column(estimate)
         slow = EXTRAS + column - model.base
+        then, now = estimate.y[slow : slow + STATES], self.second.error_of(estimate)
+        vectors = self.centre_e - self.first.x_e - then[:3], self.centre_e - estimate.y[:VEL]
         rows = np.zeros((3, model.size))
         rows[:, column : column + 3] = np.eye(3)
-        rows[:, column + 3 : column + STATES] = -skew(self.centre_e - self.first.x_e)
+        rows[:, column + 3 : column + STATES] = -skew(vectors[0])
         rows[:, POS:VEL] = -np.eye(3)
-        rows[:, TURN:ACCEL] = skew(self.centre_e - self.second.x_e)
-        expected = rows[:, column : column + STATES] @ estimate.y[slow : slow + STATES]
-        now = self.second.error_of(estimate)
-        expected += rows[:, POS:VEL] @ now[:3] + rows[:, TURN:ACCEL] @ now[3:]
-        travel = self.second.x_e - self.first.x_e
-        aside = np.cross(estimate.mat_en[:, 2], travel)
+        rows[:, TURN:ACCEL] = skew(vectors[1])
+        expected = rows[:, column : column + STATES] @ then + rows[:, POS:VEL] @ now[:3] + rows[:, TURN:ACCEL] @ now[3:]
+        longer = vectors[1] - vectors[0]
+        aside = np.cross(estimate.mat_eb[:, 2], vectors[1]) - np.cross(self.first.mat_eb[:, 2], vectors[0])
         for i in range(3):
-            expected[i] += enter_drift(estimate, SHARE, rows[i], float(travel[i]))
+            expected[i] += enter_drift(estimate, SHARE, rows[i], float(longer[i]))
             expected[i] += enter_drift(estimate, YAW, rows[i], float(aside[i]))
         return self.drift - self.axes_e @ expected, np.ascontiguousarray(self.axes_e @ rows), self.cov

@@ -38,7 +38,7 @@ from fti.nav.filter.innovation_gate import (
     is_bounded_by_others,
     update_states,
 )
-from fti.nav.filter.look_mark import LookMark
+from fti.nav.filter.look_mark import LookMark, carry_turns
 from fti.nav.filter.position_mark import PositionMark
 
 _NO_INNOVATION = np.zeros(0)
@@ -85,7 +85,10 @@ def apply_update(estimate: Estimate, P: Array, z: Array, H: Array, R: Array) -> 
     y, x = estimate.y.copy(), np.zeros(estimate.model.size)
     nis = kernels.fuse(x, P, z, H, R)
     kernels.correct(y, x, len(estimate.model.extras))
-    return Estimate(estimate.t_ns, y, P, estimate.imu, estimate.model), float(nis)
+    after = Estimate(estimate.t_ns, y, P, estimate.imu, estimate.model)
+    if estimate.model.looks:
+        carry_turns(estimate.y, after)
+    return after, float(nis)
 
 
 def _reinitialise(estimate: Estimate, aiding: Aiding) -> tuple[Estimate, GateDecision]:

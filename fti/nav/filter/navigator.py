@@ -38,9 +38,8 @@ from fti.nav.filter.estimate import Estimate, InitialState, inflate_covariance
 from fti.nav.filter.exclusion import NOT_EXCLUDED, Cause, Exclusion
 from fti.nav.filter.initial_alignment import Aligner
 from fti.nav.filter.innovation_gate import LIMITS, GateStates, excluded_names, rejected_names
-from fti.nav.filter.look_mark import LookDrift, LookMark
 from fti.nav.filter.measurement_update import compute_nis
-from fti.nav.filter.position_mark import TERRAIN_POSITION, MarkedPosition
+from fti.nav.filter.position_mark import TERRAIN_POSITION
 from fti.nav.filter.segment import FilterSegment
 
 #: Longest gap between inertial samples that is bridged.
@@ -340,8 +339,8 @@ def is_known(aiding: Aiding) -> bool:
         return False
     if isinstance(aiding, GnssHeight):
         return is_known(aiding.position)
-    if isinstance(aiding, MarkedPosition | LookMark | LookDrift):
-        return aiding.is_conceivable
+    if (conceivable := getattr(aiding, "is_conceivable", None)) is not None:
+        return bool(conceivable)
     fields = aiding.__dataclass_fields__  # type: ignore[attr-defined]
     return all(_is_conceivable(name, getattr(aiding, name)) for name in fields if name != "own_drifts")
 

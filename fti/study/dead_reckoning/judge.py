@@ -1,0 +1,79 @@
+"""Targets of the study ``dead-reckoning``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from fti.arrays import Array
+from fti.study import StudyResult
+from fti.study.dead_reckoning.experiment import INSTANTS_S, Track, Tracks
+from fti.study.dead_reckoning.printed_forms import FORMS
+from fti.study.statistics import pooled_ratio, rms
+
+MAX_RATIO, MIN_SIGMA, MAX_SIGMA = 0.1, 0.80, 1.25
+#: Units whose error at the end is judged; the navigation grade needs no aid for 500 s.
+JUDGED_UNITS = ("tactical", "mems")
+
+
+def judge(runs: Sequence[Tracks]) -> list[StudyResult]:
+    """All rows, by path and unit."""
+    results: list[StudyResult] = []
+    for path, unit in dict.fromkeys((path, unit) for tracks in runs for path, unit, _ in tracks):
+        flights = [{aid: track for (p, u, aid), track in tracks.items() if (p, u) == (path, unit)} for tracks in runs]
+        results += _judge_cell(f"{unit}.{path}", f"{unit}, {path}", unit, [each for each in flights if each])
+    return results
+
+
+def _judge_cell(name: str, words: str, unit: str, flights: Sequence[Mapping[str, Track]]) -> Iterator[StudyResult]:
+    looks, alone = [each["looks"] for each in flights], [each["none"] for each in flights]
+    ratio, count = pooled_ratio(_squares(looks), _squares(alone)), len(flights)
+    text = f"{words}: RMS at the end, looks over inertial alone, N = {count} flights"
+    if unit in JUDGED_UNITS:
+        yield StudyResult.at_most(f"D.ratio.{name}", text, ratio, MAX_RATIO)
+    else:
+        yield StudyResult.reported(f"D.ratio.{name}", text, ratio)
+    at_instants = sigma_ratios(looks)
+    yield StudyResult.at_least(
+        f"D.sigma.{name}.min", f"{words}: error over sigma, smallest of ten instants", at_instants.min(), MIN_SIGMA
+    )
+    yield StudyResult.at_most(
+        f"D.sigma.{name}.max", f"{words}: error over sigma, largest of ten instants", at_instants.max(), MAX_SIGMA
+    )
+    for axis, along in enumerate(("along", "across")):
+        found, without = (rms(np.array([t.end[axis] for t in tracks])) for tracks in (looks, alone))
+        yield StudyResult.reported(f"D.{along}.{name}", f"{words}: RMS at the end {along}, looks [m]", found)
+        yield StudyResult.reported(f"D.{along}.{name}.alone", f"{words}: the same, inertial alone [m]", without)
+    pairs = sum(track.pairs[str(k)] for track in looks for k in range(4))
+    whole = sum(track.pairs["3"] for track in looks)
+    yield StudyResult.reported(f"D.pairs.{name}", f"{words}: share of pairs in three directions", whole / pairs)
+    yield from _report_forms(name, words, flights)
+
+
+def _report_forms(name: str, words: str, flights: Sequence[Mapping[str, Track]]) -> Iterator[StudyResult]:
+    """The printed forms, on the flights that have them."""
+    for form in FORMS:
+        both = [each for each in flights if form in each]
+        if not both:
+            continue
+        printed, looks = [each[form] for each in both], [each["looks"] for each in both]
+        text = f"{words}: printed {form}, N = {len(both)} flights"
+        ratio = pooled_ratio(_squares(printed), _squares(looks))
+        yield StudyResult.reported(f"D.form.{form}.{name}", f"{text}: RMS at the end over that with looks", ratio)
+        yield StudyResult.reported(
+            f"D.form.{form}.{name}.sigma",
+            f"{text}: error over sigma, largest of ten instants",
+            sigma_ratios(printed).max(),
+        )
+
+
+def sigma_ratios(tracks: Sequence[Track]) -> Array:
+    """RMS of error over sigma of both axes at each of the ten instants, shape (10,)."""
+    values = np.array([track.ratio[np.searchsorted(track.t, INSTANTS_S)] for track in tracks])
+    return np.asarray(np.sqrt(np.mean(values**2, axis=(0, 2))))
+
+
+def _squares(tracks: Sequence[Track]) -> Array:
+    """Square of the horizontal error at the end of each flight [m^2]."""
+    return np.array([float(np.sum(track.end**2)) for track in tracks])

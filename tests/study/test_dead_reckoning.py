@@ -1,0 +1,68 @@
+"""The study of flights without satellites and without a map."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from fti.study.dead_reckoning import experiment, flight
+from fti.study.dead_reckoning.experiment import INSTANTS_S, Track, Tracks
+from fti.study.dead_reckoning.judge import judge
+
+
+def track(error_m: float, sigmas: float, rng: np.random.Generator) -> Track:
+    """A track of 500 s with this RMS error along and across at its end, and this RMS of error over sigma."""
+    t = np.arange(0.0, 501.0)
+    noise = rng.standard_normal((len(t), 2))
+    pairs: Counter[str] = Counter({"3": 90, "2": 8, "0": 2})
+    return Track(t, error_m * noise, sigmas * rng.standard_normal((len(t), 2)), pairs)
+
+
+def flights(looks_m: float, sigmas: float) -> list[Tracks]:
+    rng = np.random.default_rng(1)
+    return [
+        {
+            ("straight", "tactical", "none"): track(1000.0, 1.0, rng),
+            ("straight", "tactical", "looks"): track(looks_m, sigmas, rng),
+        }
+        for _ in range(200)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("looks_m", "sigmas", "missed"),
+    [
+        (60.0, 1.0, set()),
+        (150.0, 1.0, {"D.ratio.tactical.straight"}),
+        (60.0, 1.6, {"D.sigma.tactical.straight.max"}),
+        (60.0, 0.5, {"D.sigma.tactical.straight.min"}),
+    ],
+)
+def test_the_judge(looks_m: float, sigmas: float, missed: set[str]) -> None:
+    results = judge(flights(looks_m, sigmas))
+    assert {result.id for result in results if not result.holds} == missed
+    values = {result.id: result.value for result in results}
+    assert values["D.pairs.tactical.straight"] == pytest.approx(0.9)
+    assert values["D.along.tactical.straight.alone"] == pytest.approx(1000.0, rel=0.15)
+
+
+def test_a_short_flight_keeps_its_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sixty seconds round the square, the last twenty without satellites, over real looks of the ray caster."""
+    for module in (flight, experiment):
+        monkeypatch.setattr(module, "SECONDS", 60.0)
+        monkeypatch.setattr(module, "OUTAGE_S", 40.0)
+    experiment.draw_flight.cache_clear()
+    found = experiment.fly("turning", "tactical", "looks", 7, 1)
+    assert found.pairs["3"] > 0.7 * sum(found.pairs[str(k)] for k in range(4))
+    assert found.t[-1] == pytest.approx(20.0)
+    assert np.abs(found.end).max() < 8.0
+    assert np.abs(found.ratio).max() < 4.5
+    experiment.draw_flight.cache_clear()
+
+
+def test_instants_are_within_the_time_without_satellites() -> None:
+    assert len(INSTANTS_S) == 10
+    assert INSTANTS_S[0] > 0.0
+    assert INSTANTS_S[-1] <= flight.SECONDS - flight.OUTAGE_S
