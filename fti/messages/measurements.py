@@ -156,8 +156,8 @@ class RangeScan(Message, kw_only=True):
     stamp: Stamp
     points: Count
     returns: Count
-    nearest: Metres | None = None
-    median: Metres | None = None
+    nearest: Metres | None
+    median: Metres | None
     valid: bool = True
     arrays: PointArrays = PointArrays()
 
