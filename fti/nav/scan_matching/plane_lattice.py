@@ -26,8 +26,8 @@ REACH = 1.5
 MIN_POINTS, MIN_INERTIA, MAX_OFFSET = 5, 0.2, 0.35
 #: Standard deviation of the times of the points of a node [s]; above, the look crosses itself.
 MAX_TIME_SD_S = 0.25
-#: Steps of a lattice on each side [-]; more is a look that is not one piece.
-MAX_STEPS = 1000
+#: Steps of a lattice on each side at most.
+MAX_STEPS = 500
 #: Values of a node.
 UP, SLOPE_EAST, SLOPE_NORTH, VARIANCE, TIME = range(5)
 VALUES = 5
@@ -48,12 +48,17 @@ class Frame:
 
 
 def frame_around(looks: tuple[Look, ...], step: float) -> Frame:
-    """The lattice that contains all points.  Raises ValueError where it has more than ``MAX_STEPS`` rows or columns."""
-    low = np.min([look.points_l[:, :2].min(axis=0) for look in looks], axis=0) - step
-    high = np.max([look.points_l[:, :2].max(axis=0) for look in looks], axis=0) + step
-    columns, rows = np.ceil((high - low) / step).astype(int).tolist()
-    if max(rows, columns) > MAX_STEPS:
-        raise ValueError(f"the points extend over {rows} x {columns} steps of {step:g} m; at most {MAX_STEPS} each way")
+    """The lattice that contains all points, but for those farther than half of ``MAX_STEPS`` from the median of a look.
+
+    Such points, of a cloud or a false return for example, have no surface.
+    """
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for look in looks:
+        places = look.points_l[:, :2]
+        middle, reach = np.median(places, axis=0), 0.5 * (MAX_STEPS - 4) * step
+        low = np.minimum(low, np.maximum(places.min(axis=0), middle - reach) - step)
+        high = np.maximum(high, np.minimum(places.max(axis=0), middle + reach) + step)
+    columns, rows = np.minimum(np.ceil((high - low) / step), MAX_STEPS).astype(int).tolist()
     return Frame(float(low[0]), float(low[1]), step, rows, columns)
 
 
@@ -74,15 +79,18 @@ def _sort_by_cell(points: Array, corner: Array, step: float, rows: int, columns:
     """Numbers of the points by cell: those of the cell c are order[start[c]] to order[start[c + 1] - 1]."""
     cells, start = np.empty(len(points), np.int64), np.zeros(rows * columns + 1, np.int64)
     for i in range(len(points)):
-        column, row = int((points[i, 0] - corner[0]) / step), int((points[i, 1] - corner[1]) / step)
-        cells[i] = row * columns + column
-        start[cells[i] + 1] += 1
+        x, y = (points[i, 0] - corner[0]) / step, (points[i, 1] - corner[1]) / step
+        inside = 0.0 <= x < columns and 0.0 <= y < rows
+        cells[i] = int(y) * columns + int(x) if inside else -1
+        if inside:
+            start[cells[i] + 1] += 1
     for cell in range(rows * columns):
         start[cell + 1] += start[cell]
-    free, order = start[:-1].copy(), np.empty(len(points), np.int64)
+    free, order = start[:-1].copy(), np.empty(start[-1], np.int64)
     for i in range(len(points)):
-        order[free[cells[i]]] = i
-        free[cells[i]] += 1
+        if cells[i] >= 0:
+            order[free[cells[i]]] = i
+            free[cells[i]] += 1
     return start, order
 
 

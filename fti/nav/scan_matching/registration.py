@@ -34,6 +34,8 @@ from fti.nav.scan_matching.shift_search import find_shifts, height_offset
 
 #: Step of the lattice over the distance of the points: each node then has 7 to 13 points within its reach.
 STEP = 1.2
+#: Points that are closer are one place [m].
+MIN_STEP_M = 1e-3
 #: Side of a patch [steps of the lattice].
 PATCH_STEPS = 8
 #: Patches with points and residuals, without which there is no covariance.
@@ -152,7 +154,10 @@ def register(
     """
     if min(len(first), len(second)) < MIN_RESIDUALS:
         return _refused(Refusal.FEW_POINTS, first, second)
-    pair = _Pair(first, second, step or STEP * point_distance(second))
+    step = step or STEP * point_distance(second)
+    if not step > MIN_STEP_M:
+        return _refused(Refusal.FEW_POINTS, first, second)
+    pair = _Pair(first, second, step)
     shifts = find_shifts(pair.planes, pair.frame.step, expected_sd)
     if not len(shifts):
         return _refused(Refusal.FEW_POINTS, first, second)
@@ -167,10 +172,11 @@ def register(
 
 
 def point_distance(look: Look) -> float:
-    """Distance of the points of a square grid of the same density [m]."""
-    # an evenly filled rectangle has the area 12 sqrt(det cov)
-    spread = np.cov(look.points_l[:, :2].T)
-    return float(np.sqrt(12.0 * np.sqrt(np.linalg.det(spread)) / len(look)))
+    """Distance of the points of a square grid of the density between the quartiles of both axes [m]; 0 if none."""
+    places = look.points_l[:, :2]
+    low, high = np.percentile(places, (25.0, 75.0), axis=0)
+    count = int(((places >= low) & (places <= high)).all(axis=1).sum())
+    return float(np.sqrt(np.prod(high - low) / count)) if count else 0.0
 
 
 class _RefusalError(Exception):

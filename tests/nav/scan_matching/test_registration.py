@@ -213,11 +213,51 @@ def test_a_look_refuses_what_is_no_look(points: Array, t: Array, sd: float, mess
         Look(points, np.zeros((3, 3)), t, sd)
 
 
-def test_a_look_of_two_places_is_refused() -> None:
-    points = np.array([[0.0, 0.0, 0.0], [1e6, 0.0, 0.0]])
-    look = Look(points, np.zeros((2, 3)), np.zeros(2), 0.1)
-    with pytest.raises(ValueError, match="at most 1000 each way"):
-        frame_around((look,), 1.0)
+def test_points_far_away_change_nothing() -> None:
+    """One false return in each look, at 40 km and at 3 km."""
+    rng = np.random.default_rng(20)
+    first = look_at(hills, 0.0, 0.0, rng, 0.0)
+    second = look_at(hills, 60.0, 20.0, rng, 0.5).moved(np.array([0.6, -0.4, 0.2]))
+    clean, _ = in_level_axes(register(first, second, 1.0))
+    for far in (3000.0, 40_000.0):
+        looks = [
+            Look(
+                np.vstack((look.points_l, [far, -far, 0.0])), np.vstack((look.directions_l, [0.0, 0.0, -1.0])),
+                np.append(look.t, look.t[0]), RANGE_SD,
+            )
+            for look in (first, second)
+        ]  # fmt: skip
+        found, _ = in_level_axes(register(looks[0], looks[1], 1.0))
+        assert np.abs(found - clean).max() < 0.05
+
+
+SHAPES: dict[str, Callable[[np.random.Generator, int], Array]] = {
+    "one place": lambda rng, n: np.tile(100.0 * rng.normal(size=3), (n, 1)),
+    "line": lambda rng, n: rng.uniform(0.0, 300.0, (n, 1)) * np.array([1.0, 2.0, 0.0]),
+    "wall": lambda rng, n: rng.normal(size=(n, 3)) * np.array([1e-9, 1e-9, 1.0]),
+    "noise": lambda rng, n: rng.uniform(0.0, 300.0, (n, 3)) * np.array([1.0, 1.0, 100.0]),
+    "level": lambda rng, n: rng.uniform(0.0, 300.0, (n, 3)) * np.array([1.0, 1.0, 0.0]),
+    "two pieces": lambda rng, n: rng.uniform(0.0, 300.0, (n, 3)) + np.repeat([0.0, 5e4], [n // 2, n - n // 2])[:, None],
+    "steep": lambda rng, n: rng.uniform(0.0, 300.0, (n, 2))[:, [0, 1, 1]] * np.array([1.0, 1.0, 1e6]),
+    "far": lambda rng, n: np.vstack((np.full((1, 3), 1e9), rng.uniform(0.0, 300.0, (n - 1, 3)))),
+    "nothing": lambda rng, n: np.zeros((0, 3)),
+}
+
+
+@pytest.mark.parametrize("first", SHAPES)
+@pytest.mark.parametrize("second", SHAPES)
+def test_any_points_give_a_finite_drift_or_a_refusal(first: str, second: str) -> None:
+    for seed in range(2):
+        rng = np.random.default_rng([seed, len(first), len(second)])
+        looks = []
+        for name, t in ((first, 0.0), (second, 1.0)):
+            points = SHAPES[name](rng, int(rng.integers(380, 900)))
+            looks.append(Look(points, np.tile([0.0, 0.0, -1.0], (len(points), 1)), np.full(len(points), t), 0.1))
+        found = register(looks[0], looks[1], float(rng.choice([1e-6, 0.1, 3.0, 1e3, 1e9])), changing=bool(seed % 2))
+        assert found.refusals or len(found.drift) == 3
+        assert np.isfinite(found.drift).all()
+        assert np.isfinite(found.cov).all()
+        assert len(found.drift) == 0 or np.linalg.eigvalsh(found.cov)[0] >= 0.0
 
 
 def test_the_largest_sigma_is_that_of_the_limit() -> None:
