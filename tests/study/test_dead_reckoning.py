@@ -17,7 +17,7 @@ def track(error_m: float, sigmas: float, rng: np.random.Generator) -> Track:
     t = np.arange(0.0, 501.0)
     noise = rng.standard_normal((len(t), 2))
     pairs: Counter[str] = Counter({"3": 90, "2": 8, "0": 2})
-    return Track(t, error_m * noise, sigmas * rng.standard_normal((len(t), 2)), pairs)
+    return Track(t, error_m * noise, sigmas * rng.standard_normal((len(t), 2)), pairs, 5e-4, 0.03)
 
 
 def flights(looks_m: float, sigmas: float) -> list[Tracks]:
@@ -59,6 +59,8 @@ def test_a_short_flight_keeps_its_velocity(monkeypatch: pytest.MonkeyPatch) -> N
     assert found.t[-1] == pytest.approx(20.0)
     assert np.abs(found.end).max() < 8.0
     assert np.abs(found.ratio).max() < 4.5
+    assert 0.005 < found.pair_sd < 0.2
+    assert 0.0 < found.heading_sd < 0.02
     experiment.draw_flight.cache_clear()
 
 

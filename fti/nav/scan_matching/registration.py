@@ -139,8 +139,10 @@ class _Pair:
         return _Sums(scores, information, curvature, np.concatenate(residuals))
 
     def interval(self) -> float:
-        """Mean time to overlap [s], over the nodes that both looks know.  Eq. 5.7 with later minus earlier."""
-        return float(np.nanmean(self.planes[1][..., TIME] - self.planes[0][..., TIME]))
+        """Mean time to overlap [s], over nodes that both looks know, or NaN.  Eq. 5.7, later minus earlier."""
+        later = self.planes[1][..., TIME] - self.planes[0][..., TIME]
+        known = later[np.isfinite(later)]
+        return float(known.mean()) if len(known) else np.nan
 
 
 def register(

@@ -12,7 +12,8 @@ time error.  All forms fly on the same random numbers, images included.
     D.along.*, D.across.*   RMS at the end along and across the track [m]: reported
     D.form.*     the forms of the source without attitude (eq. 5.9 and 5.13), on the first flights: RMS at the end over
                  that with looks, and error over sigma
-    D.pairs.*    share of the pairs with three measured directions
+    D.pairs.*    share of the pairs with three measured directions; D.pair_sd.* their sigma; D.heading.* sigma of the
+                 heading when the satellites end; D.barometer, D.timing what the sensors were given
 """
 
 from __future__ import annotations

@@ -64,12 +64,16 @@ class Track:
     error : (n, 2) [m]   along the track of that second and across, computed minus true
     ratio : (n, 2)       error over sigma, north and east
     pairs : numbers of pairs by measured directions ("3", "2", ...) and refusal
+    heading_sd : sigma of the heading at the start of the outage [rad]
+    pair_sd    : median of the horizontal sigmas of the pairs with three directions [m]; NaN without looks
     """
 
     t: Array
     error: Array
     ratio: Array
     pairs: Counter[str]
+    heading_sd: float
+    pair_sd: float
 
     @property
     def end(self) -> Array:
@@ -164,6 +168,8 @@ class _Run:
         self.navigator = InertialNavigator(FilterModel(unit=IMU_ERROR_MODELS[unit], extras=extras))
         self.counts: Counter[str] = Counter()
         self._rows: list[tuple[float, ...]] = []
+        self._pair_sds: list[float] = []
+        self._heading_sd = np.nan
 
     def feed_aids(self, k: int, t_ns: int) -> None:
         """Satellites until the outage, and the barometer."""
@@ -188,6 +194,8 @@ class _Run:
         result = self.pairs.feed(estimate, RangeImage(images.ranges[k], images.directions_b, RANGE_SD))
         if result.drift is not None:
             self.counts.update([str(len(result.drift.axes_l)), *result.drift.refusals])
+            if len(result.drift.axes_l) == 3:
+                self._pair_sds += np.sqrt(np.diag(result.drift.cov)[:2]).tolist()
         if result.aiding is not None and self.aid == "looks":
             self.navigator.feed_aiding(t_ns, result.aiding)
         elif result.aiding is not None and t_ns >= OUTAGE_S * SECOND_NS:
@@ -206,9 +214,12 @@ class _Run:
         along = north * np.cos(course) + east * np.sin(course)
         across = east * np.cos(course) - north * np.sin(course)
         sd = estimate.sd_n
+        if not self._rows:
+            self._heading_sd = estimate.rpy_sd[2]
         self._rows.append((t_ns / SECOND_NS - OUTAGE_S, along, across, north / sd[0], east / sd[1]))
 
     def track(self) -> Track:
         """What was observed."""
         rows = np.array(self._rows)
-        return Track(rows[:, 0], rows[:, 1:3], rows[:, 3:5], self.counts)
+        pair_sd = float(np.median(self._pair_sds)) if self._pair_sds else np.nan
+        return Track(rows[:, 0], rows[:, 1:3], rows[:, 3:5], self.counts, self._heading_sd, pair_sd)

@@ -9,6 +9,7 @@ import numpy as np
 from fti.arrays import Array
 from fti.study import StudyResult
 from fti.study.dead_reckoning.experiment import INSTANTS_S, Track, Tracks
+from fti.study.dead_reckoning.flight import BARO_NOISE_M, TIME_SD
 from fti.study.dead_reckoning.printed_forms import FORMS
 from fti.study.statistics import pooled_ratio, rms
 
@@ -19,7 +20,10 @@ JUDGED_UNITS = ("tactical", "mems")
 
 def judge(runs: Sequence[Tracks]) -> list[StudyResult]:
     """All rows, by path and unit."""
-    results: list[StudyResult] = []
+    results = [
+        StudyResult.reported("D.barometer", "noise of the barometer, one sigma [m]", BARO_NOISE_M),
+        StudyResult.reported("D.timing", "time error of the looks, one sigma [ms]", 1e3 * TIME_SD),
+    ]
     for path, unit in dict.fromkeys((path, unit) for tracks in runs for path, unit, _ in tracks):
         flights = [{aid: track for (p, u, aid), track in tracks.items() if (p, u) == (path, unit)} for tracks in runs]
         results += _judge_cell(f"{unit}.{path}", f"{unit}, {path}", unit, [each for each in flights if each])
@@ -48,6 +52,11 @@ def _judge_cell(name: str, words: str, unit: str, flights: Sequence[Mapping[str,
     pairs = sum(track.pairs[str(k)] for track in looks for k in range(4))
     whole = sum(track.pairs["3"] for track in looks)
     yield StudyResult.reported(f"D.pairs.{name}", f"{words}: share of pairs in three directions", whole / pairs)
+    sd, heading = (float(np.median([getattr(t, field) for t in looks])) for field in ("pair_sd", "heading_sd"))
+    yield StudyResult.reported(f"D.pair_sd.{name}", f"{words}: sigma of a pair, median [m]", sd)
+    yield StudyResult.reported(
+        f"D.heading.{name}", f"{words}: sigma of the heading at the start of the outage [mrad]", 1e3 * heading
+    )
     yield from _report_forms(name, words, flights)
 
 
