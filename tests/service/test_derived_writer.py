@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from fti.logger.derived_log import DerivedLog
 from fti.logger.log_layout import LogSettings
 from fti.logger.reading.recording import Recording
 from fti.logger.storage_target import StorageTarget
-from fti.messages.measurements import RadioHeight, Stamp
+from fti.messages.measurements import Measurement, PointArrays, RadioHeight, Stamp
+from fti.ranging.scan_points import make_scan, point_arrays
 from fti.service.navigation import derived_writer
 from fti.service.navigation.derived_writer import DerivedWriter
 
@@ -52,3 +54,15 @@ def test_of_what_waits_too_long_the_oldest_goes_and_is_counted(tmp_path: Path, m
     writer.start()
     writer.close()
     assert _written(tmp_path) == [40 * i for i in range(80, 100)]
+
+
+def test_points_of_a_scan_do_not_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute of a scanner would be hundreds of megabytes; the file has a summary of them only."""
+    writer = _writer(tmp_path)
+    written: list[Measurement] = []
+    monkeypatch.setattr(writer._log, "write_undecimated", lambda device, measurement: written.append(measurement))
+    scan = make_scan(Stamp(START_NS), [3.0, 4.0], point_arrays([(0.0, 0.0, 1.0)] * 2, [0.0, 0.0]))
+    writer.measurement("scanner", scan)
+    for write in writer._waiting:
+        write()
+    assert written == [replace(scan, arrays=PointArrays())]

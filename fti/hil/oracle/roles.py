@@ -23,7 +23,7 @@ from fti.terrain.demo_region import EDGE_M, edge_distance
 
 #: Drivers whose protocol cannot declare a measurement, or the device, invalid.
 DRIVERS_WITHOUT_VALIDITY: frozenset[str] = frozenset(
-    {"honeywell_hmr2300", "dbc", "ascii_line", "binary_struct", "canaerospace"}
+    {"honeywell_hmr2300", "dbc", "ascii_line", "binary_struct", "canaerospace", "velodyne_vlp16"}
 )
 
 
