@@ -14,7 +14,7 @@ from fti.study.ppsan.exact import ExactLikelihood, FootprintMetric, search_grids
 from fti.study.ppsan.experiment import METHODS, FixRun, PositionError
 
 SMALL, GOOD, POOR = PositionError(0.5, 0.1), PositionError(2.0, 0.4), PositionError(60.0, 9.0)
-RUN = FixRun(inverted=SMALL, methods={**dict.fromkeys(METHODS[:3], POOR), "closed": GOOD}, elevation=GOOD)
+RUN = FixRun(inverted=SMALL, methods={**dict.fromkeys(METHODS[:3], POOR), "closed": GOOD}, coarse=POOR, elevation=GOOD)
 
 
 def test_few_fixes_hold_what_does_not_need_many() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -37,11 +38,14 @@ CLEARANCE_M, ROLL, ROLL_PERIOD_S, PITCH = (100.0, 300.0), (math.radians(10.0), m
 POSTS, CELL_M, RELIEF_M = 800, 5.0, (40.0, 3000.0, 30.0)
 FIXES_PER_GROUND = 5
 DEM_ERROR = DemError(noise_sd=1.5)
-MODEL_ORDER, TRUTH_ORDER = 20, 40
+MODEL_ORDER, FINE_ORDER, TRUTH_ORDER = 20, 40, 40
 #: Table 7.3: grid of methods 1 to 3; half power of the antenna off its boresight (fig. 7.19).
 REACH_M, STEP_M, HALF_POWER_DEG = 50.0, 5.0, 15.0
-#: Nodes of the maps [m], posts around the shifted samples [m], largest shifts in each map [m].
-NODE_M, MARGIN_M, MAP_REACHES_M = 6.0, 1.0, (50, 15)
+#: Nodes of the maps [m], posts around the shifted samples [m].
+NODE_M, MARGIN_M = 6.0, 1.0
+#: Largest shift in each map [m], and the order of the dome of its model.
+SAME_BEAM_MAPS = ((50, MODEL_ORDER), (15, MODEL_ORDER))
+MAPS = ((50, MODEL_ORDER), (15, FINE_ORDER), (15, FINE_ORDER))
 #: Share of the samples that are enough without those that deviate.
 MIN_KEPT = 0.5
 #: Exact search: steps on each side of the first grid and their size [m], its best shifts from which the search begins,
@@ -63,11 +67,13 @@ class FixRun:
 
     inverted  : exact search with the beam and the elevation of the truth
     methods   : by name, with an independent beam; None without a fix
+    coarse    : method 4 of them with the maps of the coarse model only
     elevation : method 4 with an independent beam and elevation with errors
     """
 
     inverted: PositionError
     methods: dict[str, PositionError | None]
+    coarse: PositionError
     elevation: PositionError
 
 
@@ -99,9 +105,9 @@ class Track:
 
 
 @functools.cache
-def model() -> RadarAltimeter:
-    """The altimeter as the methods know it."""
-    return RadarAltimeter(antenna=NARROW, order=MODEL_ORDER)
+def model(order: int = MODEL_ORDER) -> RadarAltimeter:
+    """The altimeter as the methods know it.  order : of its dome"""
+    return RadarAltimeter(antenna=NARROW, order=order)
 
 
 @functools.lru_cache(maxsize=1)
@@ -137,8 +143,9 @@ def fly(seed: int) -> FixRun:
     same, other = track.measure(ground, model(), rng), track.measure(ground, truth, rng)
     methods = {name: grid_fix(track, other, ground, name) for name in METHODS[:3]}
     return FixRun(
-        inverted=track.error_of(refine_exactly(*fix_by_maps(same, ground), ground)),
+        inverted=track.error_of(refine_exactly(*fix_by_maps(same, ground, SAME_BEAM_MAPS), ground)),
         methods={**methods, METHODS[3]: track.error_of(fix_by_maps(other, ground)[0])},
+        coarse=track.error_of(fix_by_maps(other, ground, SAME_BEAM_MAPS)[0]),
         elevation=track.error_of(fix_by_maps(other, DEM_ERROR.apply(ground, rng))[0]),
     )
 
@@ -182,25 +189,27 @@ def is_valid(track: Track, measured: RangeTrack, heights: Array, ground: Terrain
     return np.array([not reasons_against(Sample(**dict(zip(columns, row, strict=True))), limits) for row in rows])
 
 
-def fix_by_maps(measured: RangeTrack, ground: Terrain) -> tuple[Array, RangeTrack]:
+def fix_by_maps(
+    measured: RangeTrack, ground: Terrain, maps: Sequence[tuple[int, int]] = MAPS
+) -> tuple[Array, RangeTrack]:
     """Method 4: true minus navigated position and height (3,) [m], and the samples at the places that it found.
 
-    The track is moved to the first fix for the second map: an error of the height changes the range of a banked
-    altimeter by more than itself, and a map has the attitude of a sample at the place of that sample.
+    The track is moved to a fix for the next map: an error of the height changes the range of a banked altimeter by
+    more than itself, and a map has the attitude of a sample at the place of that sample.
     """
     moves, moved = np.zeros(3), select(measured, np.isfinite(measured.slant_range))
-    for reach_m in MAP_REACHES_M:
-        fix = match(range_map(moved, ground, reach_m), moved.profile, Lattice(reach_m))
+    for reach_m, order in maps:
+        fix = match(range_map(moved, ground, reach_m, order), moved.profile, Lattice(reach_m))
         if np.isfinite(fix.shift).all():
             step = np.append(fix.shift, fix.up)
             moves, moved = moves + step, move(moved, step)
-        moved = without_deviating(moved, ground)
+        moved = without_deviating(moved, ground, order)
     return moves, moved
 
 
-def without_deviating(measured: RangeTrack, ground: Terrain) -> RangeTrack:
+def without_deviating(measured: RangeTrack, ground: Terrain, order: int) -> RangeTrack:
     """The samples that deviate from the model by no more than the rules of validity allow; all if few are left."""
-    residuals = ExactLikelihood(model(), ground, measured).residuals(np.zeros((1, 2)))[0]
+    residuals = ExactLikelihood(model(order), ground, measured).residuals(np.zeros((1, 2)))[0]
     kept = np.abs(residuals - np.nanmedian(residuals)) <= DEVIATION_M["radar"]
     return select(measured, kept) if np.count_nonzero(kept) >= MIN_KEPT * len(kept) else measured
 
@@ -229,9 +238,9 @@ def refine_exactly(moves: Array, moved: RangeTrack, ground: Terrain) -> Array:
     return best
 
 
-def range_map(measured: RangeTrack, ground: Terrain, reach_m: int) -> TerrainWindow:
+def range_map(measured: RangeTrack, ground: Terrain, reach_m: int, order: int = MODEL_ORDER) -> TerrainWindow:
     """The apparent surface with posts of 1 m."""
-    return apparent_surface(model(), ground, measured.poses, NODE_M, reach_m + MARGIN_M).refine(round(NODE_M))
+    return apparent_surface(model(order), ground, measured.poses, NODE_M, reach_m + MARGIN_M).refine(round(NODE_M))
 
 
 def move(measured: RangeTrack, step: Array) -> RangeTrack:

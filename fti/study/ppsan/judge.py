@@ -76,6 +76,7 @@ def _other_methods(runs: Sequence[FixRun]) -> list[StudyResult]:
 
 def _reported(runs: Sequence[FixRun]) -> list[StudyResult]:
     cases = {
+        "coarse": ([run.coarse for run in runs], "independent beam, method 4 with maps of 2051 rays only"),
         "elevation": ([run.elevation for run in runs], "independent beam, elevation error of 1.5 m, method 4"),
     }
     results = []
