@@ -14,8 +14,8 @@ navigated height by 5 m (one sigma); neither drifts within the fix.
                  there
 
 All of them take the shift with the largest likelihood, not the smallest printed metric.  The exact search continues
-from the maps of 2051 rays, which are those of its truth, with the model at each sample and shift, on grids down to 0.2 m.  It begins at several shifts, until the
-residuals are the noise of the altimeter.
+from two maps of 2051 rays, which are those of its truth, with the model at each sample and shift, on grids down to
+0.2 m.  It begins at several shifts, until the residuals are the noise of the altimeter.
 
     T15.inside         exact search with the beam and the elevation of the truth, labelled: the model inverts itself.
                        Error <= 1 m horizontally and <= 0.2 m vertically in >= 95 % of the fixes, lower 95 % bound
