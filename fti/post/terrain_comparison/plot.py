@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -16,7 +17,9 @@ from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMIL
 from fti.post.terrain_comparison.observer import ALONE, BOUND, ComparedFlight, MethodFix
 from fti.post.terrain_comparison.statistics import FlightResult, bound_with_map, stated_cov
 
-COLOURS = (BLUE, ORANGE, PURPLE, VERMILION, GREEN, SKY)
+BROWN, NAVY, OLIVE, DARK_RED = "#6f4518", "#1b1f6b", "#7a7a00", "#7a0c1f"
+#: One for each method; the bound is SKY.
+COLOURS = (BLUE, ORANGE, PURPLE, VERMILION, GREEN, BROWN, NAVY, OLIVE, DARK_RED)
 #: Points across the map, and its margin around the track [m].
 MAP_POINTS, MAP_MARGIN_M = 300, 800.0
 #: The ellipses of the map contain 95 %; drawn so large that those of the method in flight have this share.
@@ -29,7 +32,7 @@ MIN_DRAWN_M = 0.1
 
 def draw(flight: ComparedFlight, result: FlightResult) -> Figure:
     """The picture of a flight."""
-    colours = dict(zip(flight.fixes, COLOURS * len(flight.fixes), strict=False))
+    colours = dict(zip(flight.fixes, itertools.cycle(COLOURS), strict=False))
     alone, filtered, bound = (f"{value:.1f} m" for value in result.totals)
     figure = new_figure(
         "Methods of position from the ground",
