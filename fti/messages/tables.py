@@ -24,7 +24,9 @@ class Arrays(msgspec.Struct, frozen=True, gc=False):
 
 @cache
 def array_fields(cls: type) -> dict[str, Arrays]:
-    """The fields of a message that are arrays, with their defaults, which are empty."""
+    """The fields of a message that are arrays, with their defaults, which are empty; none of another class."""
+    if not issubclass(cls, msgspec.Struct):
+        return {}
     return {field.name: field.default for field in msgspec.structs.fields(cls) if isinstance(field.default, Arrays)}
 
 
