@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from fti.study.dead_reckoning import experiment, flight
 from fti.study.dead_reckoning.experiment import INSTANTS_S, Track, Tracks
 from fti.study.dead_reckoning.judge import judge
+from fti.study.dead_reckoning.printed_forms import FORMS
 
 
 def track(error_m: float, sigmas: float, rng: np.random.Generator) -> Track:
@@ -48,12 +50,20 @@ def test_the_judge(looks_m: float, sigmas: float, missed: set[str]) -> None:
     assert values["D.along.tactical.straight.alone"] == pytest.approx(1000.0, rel=0.15)
 
 
-def test_a_short_flight_keeps_its_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sixty seconds round the square, the last twenty without satellites, over real looks of the ray caster."""
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Flights of sixty seconds, the last twenty without satellites."""
     for module in (flight, experiment):
         monkeypatch.setattr(module, "SECONDS", 60.0)
         monkeypatch.setattr(module, "OUTAGE_S", 40.0)
     experiment.draw_flight.cache_clear()
+    yield
+    experiment.draw_flight.cache_clear()
+
+
+@pytest.mark.usefixtures("short")
+def test_a_short_flight_keeps_its_velocity() -> None:
+    """Round the square, over real looks of the ray caster."""
     found = experiment.fly("turning", "tactical", "looks", 7, 1)
     assert found.pairs["3"] > 0.7 * sum(found.pairs[str(k)] for k in range(4))
     assert found.t[-1] == pytest.approx(20.0)
@@ -61,7 +71,15 @@ def test_a_short_flight_keeps_its_velocity(monkeypatch: pytest.MonkeyPatch) -> N
     assert np.abs(found.ratio).max() < 4.5
     assert 0.005 < found.pair_sd < 0.2
     assert 0.0 < found.heading_sd < 0.02
-    experiment.draw_flight.cache_clear()
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("form", FORMS)
+def test_a_printed_form_is_too_certain(form: str) -> None:
+    """Attitude and mounting are no states of it: its errors leave its sigma within seconds."""
+    found = experiment.fly("turning", "tactical", form, 7, 1)
+    looks = experiment.fly("turning", "tactical", "looks", 7, 1)
+    assert np.abs(found.ratio).max() > 1.5 * np.abs(looks.ratio).max()
 
 
 def test_instants_are_within_the_time_without_satellites() -> None:

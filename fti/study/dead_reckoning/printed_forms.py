@@ -23,19 +23,23 @@ from fti.nav.filter.look_mark import LookDrift
 from fti.nav.inertial.ins_error_model import BIASED, POS, TURN, VEL, rates, transition
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MeanVelocity(NoOwnStates):
-    """Equation 5.9.  measured : the drift;  interval : from look to look [s]"""
+@dataclass(frozen=True, eq=False)
+class _PrintedForm(NoOwnStates):
+    """A form.  measured : the drift;  interval : from look to look [s]"""
 
     measured: LookDrift
     interval: float
-    name: str = "printed.velocity"
+    name: str = "printed.form"
     bounds = NO_AXES
 
     @property
     def is_conceivable(self) -> bool:
         """That of the drift."""
         return self.measured.is_conceivable
+
+
+class MeanVelocity(_PrintedForm):
+    """Equation 5.9."""
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """z = drift / interval = -d_v along the measured directions."""
@@ -45,19 +49,8 @@ class MeanVelocity(NoOwnStates):
         return drift.drift / self.interval, H, drift.cov / self.interval**2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PositionIncrement(NoOwnStates):
-    """Equation 5.13.  measured : the drift;  interval : from look to look [s]"""
-
-    measured: LookDrift
-    interval: float
-    name: str = "printed.increment"
-    bounds = NO_AXES
-
-    @property
-    def is_conceivable(self) -> bool:
-        """That of the drift."""
-        return self.measured.is_conceivable
+class PositionIncrement(_PrintedForm):
+    """Equation 5.13."""
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """z = drift = -(d_k - d_k-1), with d_k-1 = Phi^-1 d_k."""
