@@ -62,7 +62,7 @@ class Track:
 
     t     : (n,) [s] since then
     error : (n, 2) [m]   along the track of that second and across, computed minus true
-    ratio : (n, 2)       error over sigma, north and east
+    ratio : (n, 2)       error over sigma, north and east; both are infinite where the filter has no position
     pairs : numbers of pairs by measured directions ("3", "2", ...) and refusal
     heading_sd : sigma of the heading at the start of the outage [rad]
     pair_sd    : median of the horizontal sigmas of the pairs with three directions [m]; NaN without looks
@@ -203,9 +203,10 @@ class _Run:
         self.navigator.feed_aiding(t_ns, result.mark)
 
     def observe(self, k: int, t_ns: int) -> None:
-        """Error and sigma."""
+        """Error and sigma; infinite where the filter has no position."""
         estimate = self.navigator.at(t_ns)
         if estimate is None:
+            self._rows.append((t_ns / SECOND_NS - OUTAGE_S, *[np.inf] * 4))
             return
         lat, lon, alt = self.data.truth[k].tolist()
         per_lat, per_lon = metres_per_radian(lat, alt)
@@ -214,7 +215,7 @@ class _Run:
         along = north * np.cos(course) + east * np.sin(course)
         across = east * np.cos(course) - north * np.sin(course)
         sd = estimate.sd_n
-        if not self._rows:
+        if np.isnan(self._heading_sd):
             self._heading_sd = estimate.rpy_sd[2]
         self._rows.append((t_ns / SECOND_NS - OUTAGE_S, along, across, north / sd[0], east / sd[1]))
 
