@@ -37,6 +37,14 @@ class RangeImage:
     sd: float
 
 
+class _PlacedImage(NamedTuple):
+    """An image, and the pose that places it, at t_ns."""
+
+    image: RangeImage
+    mark: LookMark
+    t_ns: int
+
+
 class PairResult(NamedTuple):
     """After a look: its mark; the drift since the first look of its pair, and the measurement; None without them."""
 
@@ -52,7 +60,7 @@ class LookPairs:
     """
 
     def __init__(self, spacing: int) -> None:
-        self._looks: deque[tuple[RangeImage, LookMark, int]] = deque(maxlen=spacing + 1)
+        self._looks: deque[_PlacedImage] = deque(maxlen=spacing + 1)
         self._count = 0
 
     @property
@@ -64,35 +72,39 @@ class LookPairs:
     def feed(self, estimate: Estimate, image: RangeImage) -> PairResult:
         """Compare a look with the first of its pair.  estimate : the filter's, at the time of the look"""
         mark = LookMark(self._count % self.slots, estimate.y[:3].copy(), estimate.mat_eb.copy())
-        self._looks.append((image, mark, estimate.t_ns))
+        self._looks.append(_PlacedImage(image, mark, estimate.t_ns))
         self._count += 1
         if len(self._looks) < self.slots:
             return PairResult(mark, None, None)
-        drift, aiding = self._compare(estimate, *self._looks[0], *self._looks[-1])
+        drift, aiding = _compare(estimate, self._looks[0], self._looks[-1])
         return PairResult(mark, drift, aiding)
 
-    @staticmethod
-    def _compare(  # noqa: PLR0917 - two looks of three things each
-        estimate: Estimate, image: RangeImage, mark: LookMark, t_ns: int, later: RangeImage, now: LookMark, now_ns: int
-    ) -> tuple[ScanDrift, LookDrift | None]:
-        frame = LocalFrame(*estimate.geodetic)
-        first = _place(image, mark, frame, (t_ns - now_ns) / SECOND_NS)
-        second = _place(later, now, frame, 0.0)
-        middle_e = frame.origin_e + frame.mat_le.T @ np.mean(second.points_l, axis=0) if len(second) else now.x_e
-        expected_e, sd = _expected_drift(estimate, mark, now, middle_e)
-        expected_l = frame.mat_le @ expected_e
-        drift = register(first, second.moved(-expected_l), sd)
-        if not len(drift.drift):
-            return drift, None
-        drift = replace(drift, drift=drift.drift + drift.axes_l @ expected_l)
-        centre_e = frame.origin_e + frame.mat_le.T @ drift.centre_l
-        return drift, LookDrift(mark, now, centre_e, drift.axes_l @ frame.mat_le, drift.drift, drift.cov)
+
+def _compare(estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage) -> tuple[ScanDrift, LookDrift | None]:
+    """The drift between two looks.  estimate : the filter's, at the later one"""
+    frame = LocalFrame(*estimate.geodetic)
+    first, second = (_place(each, frame, later.t_ns) for each in (earlier, later))
+    middle_e = frame.origin_e
+    if len(second):
+        middle_e = middle_e + frame.mat_le.T @ np.mean(second.points_l, axis=0)
+    expected_e, sd = _expected_drift(estimate, earlier.mark, later.mark, middle_e)
+    expected_l = frame.mat_le @ expected_e
+    drift = register(first, second.moved(-expected_l), sd)
+    if not len(drift.drift):
+        return drift, None
+    drift = replace(drift, drift=drift.drift + drift.axes_l @ expected_l)
+    centre_e = frame.origin_e + frame.mat_le.T @ drift.centre_l
+    axes_e = drift.axes_l @ frame.mat_le
+    return drift, LookDrift(earlier.mark, later.mark, centre_e, axes_e, drift.drift, drift.cov)
 
 
-def _place(image: RangeImage, mark: LookMark, frame: LocalFrame, t: float) -> Look:
+def _place(placed: _PlacedImage, frame: LocalFrame, now_ns: int) -> Look:
+    """The look in a frame, with times after ``now_ns``."""
+    image, mark, t_ns = placed
     origin_l = frame.mat_le @ (mark.x_e - frame.origin_e)
     directions_l = image.directions_b @ (frame.mat_le @ mark.mat_eb).T
-    return place_look(origin_l, directions_l, image.ranges, np.full(len(image.ranges), t), image.sd)
+    t = np.full(len(image.ranges), (t_ns - now_ns) / SECOND_NS)
+    return place_look(origin_l, directions_l, image.ranges, t, image.sd)
 
 
 def _expected_drift(estimate: Estimate, first: LookMark, second: LookMark, middle_e: Array) -> tuple[Array, float]:

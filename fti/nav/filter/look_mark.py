@@ -43,7 +43,7 @@ from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.error_states import LOOK, Drift
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.kernels import EXTRAS
-from fti.nav.filter.position_mark import MARK_DRIFT
+from fti.nav.filter.position_mark import MARK_DRIFT, StateCopy, clone
 from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
 
 #: States of a look: position and turn.
@@ -95,7 +95,7 @@ def _names(slot: int) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class LookMark(NoOwnStates):
+class LookMark(StateCopy):
     """Copies position and attitude at a look into its states.
 
     slot  : number of the states, from 0
@@ -107,27 +107,15 @@ class LookMark(NoOwnStates):
     x_e: Array
     mat_eb: Array
     name: str = "scan.mark"
-    bounds = NO_AXES
 
     @property
     def is_conceivable(self) -> bool:
         """Whether all values are finite."""
         return bool(np.isfinite(self.x_e).all() and np.isfinite(self.mat_eb).all())
 
-    def compute_matrices(self, estimate: Estimate) -> Matrices:
-        """No measurement."""
-        return np.zeros(0), np.zeros((0, estimate.model.size)), np.zeros((0, 0))
-
     def copy_states(self, estimate: Estimate) -> Estimate:
         """The estimate whose states of the look are its position and attitude."""
-        model, y, P = estimate.model, estimate.y.copy(), estimate.P.copy()
-        first = self.first_column(estimate)
-        slow = EXTRAS + first - model.base
-        y[slow : slow + STATES] = self.error_of(estimate)
-        for at, source in ((first, POS), (first + 3, TURN)):
-            P[at : at + 3] = P[source : source + 3]
-            P[:, at : at + 3] = P[:, source : source + 3]
-        return Estimate(estimate.t_ns, y, P, estimate.imu, model)
+        return clone(estimate, self.first_column(estimate), self.error_of(estimate), (POS, TURN))
 
     def first_column(self, estimate: Estimate) -> int:
         """Of its states."""

@@ -38,8 +38,8 @@ from fti.nav.filter.innovation_gate import (
     is_bounded_by_others,
     update_states,
 )
-from fti.nav.filter.look_mark import LookMark, carry_turns
-from fti.nav.filter.position_mark import PositionMark
+from fti.nav.filter.look_mark import carry_turns
+from fti.nav.filter.position_mark import StateCopy
 
 _NO_INNOVATION = np.zeros(0)
 
@@ -56,7 +56,7 @@ class UpdateResult(NamedTuple):
 
 def update_estimate(estimate: Estimate, states: GateStates, aiding: Aiding, t_ns: int) -> UpdateResult:
     """Test a measurement with the estimate of its time, and apply it if it is accepted."""
-    if isinstance(aiding, PositionMark | LookMark):
+    if isinstance(aiding, StateCopy):
         return UpdateResult(aiding.copy_states(estimate), states, GateDecision.ACCEPTED, 0.0, _NO_INNOVATION)
     matrices = aiding.compute_matrices(estimate)
     state = states.get(aiding.name)

@@ -13,6 +13,8 @@ Source: Roumeliotis, Burdick 2002 (stochastic cloning).  Checked against: tests/
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +26,7 @@ from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.error_states import Drift, Extra
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.kernels import EXTRAS
-from fti.nav.inertial.ins_error_model import VEL
+from fti.nav.inertial.ins_error_model import POS, VEL
 
 MARK = (Extra.MARK_X, Extra.MARK_Y, Extra.MARK_Z)
 #: Before the first mark the states are unknown, so that a fix of another filter than the marked one corrects nothing.
@@ -41,8 +43,39 @@ def mark_drifts(map_sd_m: float) -> dict[str, Drift]:
     return {**dict.fromkeys(MARK, MARK_DRIFT), Extra.MAP_NORTH: of_map, Extra.MAP_EAST: of_map}
 
 
+class StateCopy(NoOwnStates, ABC):
+    """No measurement: copies states of its time into others of the filter."""
+
+    __slots__ = ()
+    bounds = NO_AXES
+
+    @abstractmethod
+    def copy_states(self, estimate: Estimate) -> Estimate:
+        """The estimate with the copy."""
+
+    def compute_matrices(self, estimate: Estimate) -> Matrices:
+        """No measurement."""
+        return np.zeros(0), np.zeros((0, estimate.model.size)), np.zeros((0, 0))
+
+
+def clone(estimate: Estimate, first: int, values: Array, sources: Sequence[int]) -> Estimate:
+    """The estimate in which triples of extras are copies of other states.
+
+    first   : column of the first extra;  values : ndarray, shape (3 k,)   of the extras
+    sources : first columns of the k triples that they copy
+    """
+    model, y, P = estimate.model, estimate.y.copy(), estimate.P.copy()
+    slow = EXTRAS + first - model.base
+    y[slow : slow + len(values)] = values
+    for number, source in enumerate(sources):
+        at = first + 3 * number
+        P[at : at + 3] = P[source : source + 3]
+        P[:, at : at + 3] = P[:, source : source + 3]
+    return Estimate(estimate.t_ns, y, P, estimate.imu, model)
+
+
 @dataclass(frozen=True, slots=True)
-class PositionMark(NoOwnStates):
+class PositionMark(StateCopy):
     """Copies the position at its time into the states of the mark.
 
     lat, lon [rad], alt above the ellipsoid [m] : the reference point
@@ -52,21 +85,11 @@ class PositionMark(NoOwnStates):
     lon: float
     alt: float
     name: str = "terrain.mark"
-    bounds = NO_AXES
-
-    def compute_matrices(self, estimate: Estimate) -> Matrices:
-        """No measurement."""
-        return np.zeros(0), np.zeros((0, estimate.model.size)), np.zeros((0, 0))
 
     def copy_states(self, estimate: Estimate) -> Estimate:
         """The estimate whose mark is its position."""
-        model, y, P = estimate.model, estimate.y.copy(), estimate.P.copy()
-        first = model.columns[MARK[0]]
-        mark, slow = slice(first, first + 3), EXTRAS + first - model.base
-        y[slow : slow + 3] = y[:3] - ecef_from_geodetic(self.lat, self.lon, self.alt)
-        P[mark] = P[:VEL]
-        P[:, mark] = P[:, :VEL]
-        return Estimate(estimate.t_ns, y, P, estimate.imu, model)
+        offset = estimate.y[:VEL] - ecef_from_geodetic(self.lat, self.lon, self.alt)
+        return clone(estimate, estimate.model.columns[MARK[0]], offset, (POS,))
 
 
 @dataclass(frozen=True, slots=True)

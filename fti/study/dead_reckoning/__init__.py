@@ -1,4 +1,4 @@
-"""Drift from the ground without a map: 500 s without satellites at 170 m/s, 300 m above ground that nobody knows.
+"""Drift from the ground without a map: 500 s without satellites at 170 m/s, 300 m above unknown ground.
 
 Source 003, section 7.4, tables 7.8, figures 7.37 to 7.40.  Terrain and flights of the source are not public: synthetic
 terrains of fractal relief, five flights over each, every second one straight and the others round a square.  Inertial
