@@ -206,7 +206,7 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (GOOD + '[nav.radio]\naltimeter = "ins"', ["nav.radio.altimeter", "'ins'", "radar"]),
         (
             changed("[nav]", "[navigation]"),
-            ["navigation", "no such key", "bus, device, display, link, nav, recorder, session, snapshot"],
+            ["navigation", "no such key", "bus, device, display, link, nav, publish, recorder, session, snapshot"],
         ),
         (changed('name = "da42"', 'name = "da42"\nmode = "snapshot"'), ["session.mode = 'snapshot'", "[snapshot]"]),
         (GOOD + "[snapshot]\nbefore_s = 0", ["snapshot.before_s", "0", "greater than 0"]),

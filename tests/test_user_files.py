@@ -37,7 +37,7 @@ UNITS = {
 #: Classes of files that programs write, and parts of others without a table of their own.
 NOT_WRITTEN_BY_USERS = {
     "LinkStartup", "StorageStartup", "RecorderStartup", "NavigationStartup",
-    "LinkTable", "NumberLocation", "FrameOptions", "EffectiveFault", "DeviceSettings",
+    "LinkTable", "TlsKeys", "NumberLocation", "FrameOptions", "EffectiveFault", "DeviceSettings",
 }  # fmt: skip
 
 

@@ -8,6 +8,8 @@ from fti.config.binding import bind
 from fti.config.error_lines import check_all, error_lines, with_place
 from fti.config.loading import load, parse, read_toml, with_links, with_session
 from fti.config.parsing import decode_text, parse_toml
+from fti.config.publish_tables import MqttTable, Publish, TlsKeys
+from fti.config.strict_model import StrictModel
 from fti.config.tables import (
     AlertLimits,
     Altimeter,
@@ -30,7 +32,6 @@ from fti.config.tables import (
     Session,
     Snapshot,
     SourceLimits,
-    StrictModel,
     TerrainFiles,
     TerrainFileTable,
     TerrainPositionTable,
@@ -55,9 +56,11 @@ __all__ = [
     "LandCoverTable",
     "Link",
     "LinkTable",
+    "MqttTable",
     "Name",
     "Nav",
     "Positive",
+    "Publish",
     "Radio",
     "RecorderTuning",
     "SerialLink",
@@ -68,6 +71,7 @@ __all__ = [
     "TerrainFileTable",
     "TerrainFiles",
     "TerrainPositionTable",
+    "TlsKeys",
     "UdpLink",
     "UnstatedSd",
     "Vector",

@@ -237,13 +237,14 @@ def _resolve_paths(config: Config, folder: Path) -> Config:
     if nav.approach:
         approach = nav.approach.model_copy(update={"profile": absolute(nav.approach.profile)})
         nav = nav.model_copy(update={"approach": approach})
+    publish = config.publish.with_paths(absolute) if config.publish else None
     session = config.session.model_copy(update={"directory": absolute(config.session.directory)})
     if session.fallback is not None:
         session = session.model_copy(update={"fallback": absolute(session.fallback)})
         if session.fallback == session.directory:
             fallback = config.session.fallback
             raise ConfigError(f"{config.path}: session.fallback = {fallback!r}: must not be session.directory itself")
-    return config.model_copy(update={"nav": nav, "session": session})
+    return config.model_copy(update={"nav": nav, "session": session, "publish": publish})
 
 
 def with_links(config: Config, folder: str | Path) -> Config:

@@ -6,11 +6,13 @@ import datetime
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
 from fti.config.keys import NO_UNIT, ONE, key
+from fti.config.publish_tables import Publish
+from fti.config.strict_model import StrictModel
 
 if TYPE_CHECKING:
     from fti.arrays import Array
@@ -24,12 +26,6 @@ Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 Positive = Annotated[float, Field(gt=0, le=1e12)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
 Vector = tuple[Metres, Metres, Metres]
-
-
-class StrictModel(BaseModel):
-    """A frozen table in which unknown keys and wrong types are errors.  Driver options derive from it too."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 # ------------------------------------------------------------------------------------------------------- session
@@ -839,7 +835,8 @@ class Config(StrictModel):
     device: Annotated[tuple[Device, ...], key("[[device]]: instruments", NO_UNIT)] = ()
     nav: Annotated[Nav, key("[nav]: roles of the devices", NO_UNIT)] = Nav()
     display: Annotated[Display, key("[display]: the page in the browser", NO_UNIT)] = Display()
-    bus: Annotated[Bus, key("[bus]: outputs for other programs", NO_UNIT)] = Bus()
+    bus: Annotated[Bus, key("[bus]: outputs for zenoh clients of this computer", NO_UNIT)] = Bus()
+    publish: Annotated[Publish | None, key("[publish]: outputs for other programs; none: none", NO_UNIT)] = None
     snapshot: Annotated[Snapshot | None, key("[snapshot]: triggered captures; none: no triggers", NO_UNIT)] = None
     recorder: Annotated[RecorderTuning, key("[recorder]: real-time settings", NO_UNIT)] = RecorderTuning()
     path: SkipJsonSchema[str] = ""  # of the file

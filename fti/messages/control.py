@@ -7,7 +7,15 @@ from __future__ import annotations
 
 from msgspec import field
 
-from fti.messages.health import DeviceHealth, HealthRecord, LinkHealth, NavigationHealth, SnapshotHealth, StorageHealth
+from fti.messages.health import (
+    DeviceHealth,
+    HealthRecord,
+    LinkHealth,
+    NavigationHealth,
+    SinkHealth,
+    SnapshotHealth,
+    StorageHealth,
+)
 from fti.messages.ledger import LedgerRecord
 from fti.messages.notes import AlarmRecord, AlarmReportRecord
 from fti.messages.outputs import Event
@@ -141,6 +149,12 @@ class NavigationReport(Message):
     navigation: NavigationHealth
 
 
+class PublishReport(Message):
+    """The part of health that the publish process knows; once a second."""
+
+    sinks: dict[str, SinkHealth]
+
+
 class ClockStepNotice(Message):
     """The real-time clock was stepped."""
 
@@ -238,6 +252,7 @@ FromRecorder = Ready | FileNumber | RecorderReport | ClockStepNotice | SendResul
 FromNavigation = Ready | NavigationReport | TerrainLoading | Refusals | DeviceAnswer | AlarmReportRecord | Event
 FromPage = PageMark | PageCommand | PageAcknowledgement
 FromDisplay = PagePort | PageFault | FromPage
+FromPublish = Ready | PublishReport | Event
 #: Of the zenoh process, too, which sends Ready and Event.
-FromChild = FromRecorder | FromNavigation | FromDisplay
+FromChild = FromRecorder | FromNavigation | FromDisplay | FromPublish
 ControlMessage = ToRecorder | ToNavigation | ToDisplay | FromChild

@@ -170,9 +170,33 @@ class NavigationHealth(Message, kw_only=True):
     hint: str | UnsetType = UNSET
 
 
+class SinkHealth(Message, kw_only=True):
+    """A sink of ``[publish]``.
+
+    state  : connecting, connected, or retrying after a failure;  hint : the failure
+    peers  : connected peers; None without a connection, and for protocols without one
+    connects : number of connections
+    sent   : messages that were sent
+    replaced : values that a newer one replaced because the sink was slow or not connected
+    skipped  : values that the configured rate left out
+    waiting_events, lost_events : events in the queue, and those that were dropped because it was full
+    """
+
+    state: str
+    hint: str
+    peers: Count | None
+    connects: Count
+    sent: Count
+    replaced: Count
+    skipped: Count
+    waiting_events: Count
+    lost_events: Count
+
+
 class HealthRecord(Message, kw_only=True):
     """Health of the daemon.
 
+    sinks      : by the name of the sink in the configuration; absent without [publish]
     complete, since_ns : as in the ledger, for links, devices and processes; of an entry that is not in a record only
                          age_ms has grown with the time
     """
@@ -185,5 +209,6 @@ class HealthRecord(Message, kw_only=True):
     storage: StorageHealth
     snapshot: SnapshotHealth | None
     navigation: NavigationHealth
+    sinks: dict[str, SinkHealth] | UnsetType = UNSET
     complete: bool | UnsetType = UNSET
     since_ns: Nanoseconds | UnsetType = UNSET

@@ -25,6 +25,7 @@ class HealthBoard:
     session: dict[str, Any]
     recorder: dict[str, Any] = field(default_factory=dict)
     navigation: dict[str, Any] = field(default_factory=dict)
+    sinks: dict[str, Any] | None = None
     _last_navigation: dict[str, Any] = field(default_factory=dict)
     _last_navigation_ns: int = 0
 
@@ -37,6 +38,7 @@ class HealthBoard:
         if hint := self._describe_silence(now_ns):
             storage = {**storage, "state": "error", "hint": hint}
         links = self._assess_links(now_ns)
+        sinks = {} if self.sinks is None else {"sinks": self.sinks}
         return {
             "t_ns": now_ns,
             "session": {**self.session, "state": _session_state(self.session["state"], storage.get("state"))},
@@ -46,6 +48,7 @@ class HealthBoard:
             "storage": storage,
             "snapshot": self.recorder.get("snapshot"),
             "navigation": navigation,
+            **sinks,
         }
 
     def answer_delay_reason(self) -> str:

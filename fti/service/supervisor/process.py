@@ -21,7 +21,7 @@ from fti.bus.frame import SOCKET_NAME
 from fti.bus.hub import Hub
 from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
-from fti.config import Config
+from fti.config import Config, Publish
 from fti.messages import control
 from fti.messages.frames import ALL_SOURCES
 from fti.messages.notes import AlarmReportRecord
@@ -56,6 +56,7 @@ RECORDER = "recorder"
 NAVIGATION = "navigation"
 DISPLAY = "display"
 ZENOH = "zenoh"
+PUBLISH = "publish"
 
 
 class Supervisor:
@@ -171,7 +172,16 @@ class Supervisor:
         if self._zenoh_port is not None:
             where = ("--bus", str(bus), "--session", config.session.name, "--port", str(self._zenoh_port))
             children.append(Child(ZENOH, arguments=(*where, "--epoch-ns", str(self._clock.epoch_ns))))
+        if config.publish is not None:
+            children.append(Child(PUBLISH, arguments=self._publish_arguments(config.publish)))
         return children
+
+    def _publish_arguments(self, publish: Publish) -> tuple[str, ...]:
+        return (
+            *("--bus", str(self._hub.path), "--epoch-ns", str(self._clock.epoch_ns)),
+            *("--aircraft", publish.aircraft or self._config.session.name, "--session", self.folder.name),
+            *("--table", publish.model_dump_json()),
+        )
 
     def _warn_of_bus(self, text: str) -> None:
         """Called by the thread of the hub."""
@@ -291,6 +301,7 @@ class Supervisor:
             control.FileNumber: self._file_numbers.handle_report,
             control.RecorderReport: self._on_recorder_report,
             control.NavigationReport: self._on_navigation_report,
+            control.PublishReport: self._on_publish_report,
             control.ClockStepNotice: self._on_clock_step,
             control.SendResult: tracker.on_sent,
             control.DeviceAnswer: tracker.on_ack,
@@ -317,6 +328,9 @@ class Supervisor:
 
     def _on_navigation_report(self, report: control.NavigationReport) -> None:
         self._board.navigation = to_table(report)
+
+    def _on_publish_report(self, report: control.PublishReport) -> None:
+        self._board.sinks = to_table(report)["sinks"]
 
     def _on_clock_step(self, notice: control.ClockStepNotice) -> None:
         self._alarms.record(Condition("clock_step", Severity.CAUTION, "COMPUTER CLOCK STEPPED", notice.text))

@@ -1,0 +1,100 @@
+"""The tables of ``[publish]``: sinks that send outputs to other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from fti.config.keys import NO_UNIT, key
+from fti.config.strict_model import StrictModel
+
+LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
+#: Without wildcards and separators of MQTT, zenoh and paths.
+AIRCRAFT_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"
+
+#: Keys that name a file.
+FILE_KEYS = frozenset({"ca_file", "certificate", "private_key", "password_file"})
+
+Port = Annotated[int, Field(ge=1, le=65535)]
+#: Patterns of topics.
+TopicPatterns = Annotated[tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(min_length=1)]
+RateHz = Annotated[float, Field(ge=0.001, le=1000)]
+
+
+class TlsKeys(StrictModel):
+    """Keys of a connection that TLS can protect.  Relative paths begin at the file."""
+
+    ca_file: Annotated[
+        str | None,
+        key("PEM file of the authorities that may certify the peer; none: those of the system", NO_UNIT, "ca.pem"),
+    ] = None
+    certificate: Annotated[
+        str | None, key("PEM file of our certificate; none: no certificate", NO_UNIT, "aircraft.pem")
+    ] = None
+    private_key: Annotated[str | None, key("PEM file of its private key", NO_UNIT, "aircraft.key")] = None
+
+    @model_validator(mode="after")
+    def _check_pair(self) -> TlsKeys:
+        if (self.certificate is None) != (self.private_key is None):
+            raise ValueError("certificate and private_key must both be given, or neither")
+        return self
+
+
+class MqttTable(TlsKeys):
+    """``[publish.mqtt]``: JSON to an MQTT broker, topics ``fti/<aircraft>/<session>/...``.
+
+    The newest value of each topic is retained by the broker.
+    """
+
+    host: Annotated[str, Field(min_length=1), key("name or address of the broker", NO_UNIT)] = "127.0.0.1"
+    port: Annotated[Port | None, key("port of the broker; none: 8883 with tls, otherwise 1883", NO_UNIT, 8883)] = None
+    tls: Annotated[bool, key("encrypt the connection and check the certificate of the broker", NO_UNIT, True)] = False
+    user: Annotated[str | None, key("user name; none: no login", NO_UNIT, "aircraft")] = None
+    password_file: Annotated[
+        str | None,
+        key("text file with the password in its first line, readable by its owner only", NO_UNIT, "mqtt.password"),
+    ] = None
+    topics: Annotated[TopicPatterns, key("patterns of the topics to send; * stands for any characters", NO_UNIT)] = (
+        "*",
+    )
+    max_rate_hz: Annotated[RateHz, key("largest rate of each topic; events are always sent", "Hz")] = 5.0
+
+    @model_validator(mode="after")
+    def _check_login(self) -> MqttTable:
+        if self.password_file and not self.user:
+            raise ValueError("password_file needs user")
+        if self.password_file and not self.tls and self.host not in LOOPBACK_HOSTS:
+            raise ValueError("password_file needs tls = true: the password would be readable on the network")
+        if not self.tls and (self.ca_file or self.certificate):
+            raise ValueError("ca_file and certificate need tls = true")
+        return self
+
+    @property
+    def broker_port(self) -> int:
+        """Port of the broker, with its default."""
+        return self.port or (8883 if self.tls else 1883)
+
+
+class Publish(StrictModel):
+    """``[publish]``: sinks that send outputs, health, alarms and events to other programs.
+
+    A sink sends only: what its peers send is never a command.  It never delays recording, navigation or another sink.
+    """
+
+    aircraft: Annotated[
+        str | None,
+        Field(pattern=AIRCRAFT_PATTERN),
+        key("name of the aircraft for receivers of several aircraft; none: session.name", NO_UNIT, "D-EFTI"),
+    ] = None
+    mqtt: Annotated[MqttTable | None, key("[publish.mqtt]: MQTT broker; none: none", NO_UNIT)] = None
+
+    def with_paths(self, absolute: Callable[[str], str]) -> Publish:
+        """The same table with the paths of its files changed by a function."""
+        changes: dict[str, Any] = {}
+        for name, table in self:
+            if isinstance(table, StrictModel):
+                files = {key: absolute(path) for key, path in table if key in FILE_KEYS and path is not None}
+                changes[name] = table.model_copy(update=files)
+        return self.model_copy(update=changes)

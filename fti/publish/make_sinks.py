@@ -1,0 +1,32 @@
+"""Makes the sinks of a configuration, each with its queue."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from fti.config import Publish
+from fti.publish.message import SessionIdentity
+from fti.publish.sink import Sink
+from fti.publish.sink_queue import SinkQueue
+from fti.publish.sinks.mqtt import MqttSink
+
+
+@dataclass(frozen=True, slots=True)
+class ConfiguredSink:
+    """A sink with its queue.  name : of its table in ``[publish]``"""
+
+    name: str
+    sink: Sink
+    queue: SinkQueue
+
+
+def make_sinks(publish: Publish, identity: SessionIdentity) -> list[ConfiguredSink]:
+    """The configured sinks; none of them is open."""
+    return [ConfiguredSink(name, sink, SinkQueue(sink.topics, rate)) for name, sink, rate in _sinks(publish, identity)]
+
+
+def _sinks(publish: Publish, identity: SessionIdentity) -> Iterator[tuple[str, Sink, float | None]]:
+    """Name, sink, and largest rate of a topic [Hz]."""
+    if table := publish.mqtt:
+        yield "mqtt", MqttSink(table, identity), table.max_rate_hz
