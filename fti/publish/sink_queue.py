@@ -102,7 +102,7 @@ class SinkQueue:
             self._values[message.topic] = _Value(message)
             return
         if value.is_waiting:
-            if time.monotonic() < value.due_s:
+            if self._period_s and time.monotonic() < value.due_s + BATCH_PERIOD_S:
                 self.counts.skipped += 1
             else:
                 self.counts.replaced += 1

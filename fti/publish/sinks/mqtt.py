@@ -4,8 +4,8 @@ topic    ``fti/<aircraft>/<session>/nav/glide_slope``: topics of the bus; payloa
          in front.  ``number`` counts the messages of a topic from 1; ``boot`` changes when it begins again.
 values   QoS 0, retained: a client that connects gets the newest value of each topic at once
 events   QoS 1, not retained: each is sent until the broker has acknowledged it, possibly twice with the same ``number``
-state    ``fti/<aircraft>/<session>/state``, retained: ``{"boot", "number", "state"}``.  ``online`` after each connect
-         with the number of the connection.  The last will has the same number and state ``lost``: a client ignores it
+state    ``fti/<aircraft>/<session>/state``, retained: ``{"boot", "number", "state"}``.  ``online`` after each
+         connection, with the number of the attempt to connect.  The last will has the same number and state ``lost``: a client ignores it
          if it has seen a higher number of that boot, because a broker may deliver it after the next ``online``.
          ``ended`` at a regular end.
 """
@@ -28,6 +28,8 @@ from fti.publish.sink import SinkError
 
 #: Limit of one answer of the broker [s]; at the end.
 TIMEOUT_S, END_TIMEOUT_S = 5.0, 1.0
+#: Number of messages that wait for the socket, or for an acknowledgement, at the same time.
+MAX_PENDING = 10
 #: The broker publishes the last will when it has received nothing for 1.5 times this [s].
 KEEP_ALIVE_S = 10
 #: Time in which the connection is served in each call of ``send`` [s].
@@ -88,6 +90,7 @@ class MqttSink:
             will=aiomqtt.Will(f"{self._prefix}/state", self._state("lost"), qos=1, retain=True),
             keepalive=KEEP_ALIVE_S,
             timeout=TIMEOUT_S,
+            max_concurrent_outgoing_calls=MAX_PENDING,
             tls_context=make_tls_context(table, "publish.mqtt") if table.tls else None,
         )
         await client.__aenter__()
@@ -97,8 +100,12 @@ class MqttSink:
     async def _publish(self, messages: Sequence[PublishedMessage]) -> None:
         assert self._client is not None
         await asyncio.gather(*(self._publish_one(self._client, message) for message in messages))
-        with suppress(TimeoutError):  # raises MqttError after a disconnection; nothing is subscribed
+        try:  # nothing is subscribed: no message comes, but the end of the connection
             await asyncio.wait_for(anext(self._client.messages), SERVE_S)
+        except TimeoutError:
+            return
+        except aiomqtt.MqttError as error:
+            raise aiomqtt.MqttError(f"the connection has ended: {error.__cause__}") from None
 
     async def _publish_one(self, client: aiomqtt.Client, message: PublishedMessage) -> None:
         is_event = message.topic == BUS_EVENT

@@ -7,7 +7,6 @@ that ends the process ends no other one; the supervisor starts it again.
 from __future__ import annotations
 
 import select
-import threading
 from pathlib import Path
 
 from fti.bus.client import Subscriber
@@ -36,7 +35,6 @@ class PublishProcess:
         self, publish: Publish, identity: SessionIdentity, bus: Path, *, clock: SystemClock, channel: ControlChannel
     ) -> None:
         self._bus, self._clock, self._channel = bus, clock, channel
-        self._sending = threading.Lock()
         sinks = make_sinks(publish, identity)
         self._fan_out = FanOut(sink.queue for sink in sinks)
         self._workers = [SinkWorker(sink.name, sink.sink, sink.queue, self._report) for sink in sinks]
@@ -47,7 +45,7 @@ class PublishProcess:
             worker.start()
         subscriber = self._subscribe()
         while not self._is_over():
-            self._send(PublishReport({worker.name: worker.health() for worker in self._workers}))
+            self._channel.send(PublishReport({worker.name: worker.health() for worker in self._workers}))
         if subscriber:
             subscriber.close()
         self._end_workers()
@@ -73,8 +71,4 @@ class PublishProcess:
             self._report("warning", f"publish {name}", f"did not end within {END_S:g} s; its last messages are lost")
 
     def _report(self, level: str, source: str, text: str) -> None:
-        self._send(Event(t_ns=self._clock.now_ns(), level=level, source=source, text=text))
-
-    def _send(self, message: PublishReport | Event) -> None:
-        with self._sending:  # each sink reports from its own thread
-            self._channel.send(message)
+        self._channel.send(Event(t_ns=self._clock.now_ns(), level=level, source=source, text=text))
