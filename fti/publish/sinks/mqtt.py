@@ -3,11 +3,11 @@
 topic    ``fti/<aircraft>/<session>/nav/glide_slope``: topics of the bus; payload as there, with ``boot`` and ``number``
          in front.  ``number`` counts the messages of a topic from 1; ``boot`` changes when it begins again.
 values   QoS 0, retained: a client that connects gets the newest value of each topic at once
-events   QoS 1, not retained: each is sent until the broker has acknowledged it, possibly twice with the same ``number``
+events   QoS 1, not retained: each is sent until the broker has acknowledged it, possibly twice with one ``number``
 state    ``fti/<aircraft>/<session>/state``, retained: ``{"boot", "number", "state"}``.  ``online`` after each
-         connection, with the number of the attempt to connect.  The last will has the same number and state ``lost``: a client ignores it
-         if it has seen a higher number of that boot, because a broker may deliver it after the next ``online``.
-         ``ended`` at a regular end.
+         connection, with the number of the attempt to connect.  The last will has the same number and state ``lost``:
+         a client ignores it if it has seen a higher number of that boot, because a broker may deliver it after the
+         next ``online``.  ``ended`` at a regular end.
 """
 
 from __future__ import annotations
