@@ -14,7 +14,7 @@ from fti.cli._arguments import session_name
 from fti.cli._keyboard import in_foreground
 from fti.cli._new_config import Answers, NamedPort, is_mounted, role_candidates
 from fti.cli._printing import print_line
-from fti.config.tables import ENDPOINT_PATTERN
+from fti.config.endpoints import ENDPOINT_PATTERN
 from fti.terminal_text import escape_controls
 
 Answer = TypeVar("Answer")

@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from fti.config.endpoints import ENDPOINT_PATTERN
 from fti.config.strict_model import StrictModel
-from fti.config.tables import DATE_PATTERN, ENDPOINT_PATTERN, NAME_PATTERN
+from fti.config.tables import DATE_PATTERN, NAME_PATTERN
 from fti.errors import ConfigError, did_you_mean, similar_name
 
 Model = TypeVar("Model", bound=StrictModel)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from fti.config.endpoints import ReceiverEndpoint
 from fti.config.keys import NO_UNIT, key
 from fti.config.strict_model import StrictModel
 
@@ -21,6 +22,11 @@ Port = Annotated[int, Field(ge=1, le=65535)]
 #: Patterns of topics.
 TopicPatterns = Annotated[tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(min_length=1)]
 RateHz = Annotated[float, Field(ge=0.001, le=1000)]
+#: Rate of a protocol whose receivers take a value as current until the next one.
+LiveRateHz = Annotated[float, Field(ge=1, le=50)]
+#: Receivers of datagrams.
+Receivers = Annotated[tuple[ReceiverEndpoint, ...], Field(max_length=16)]
+SentenceName = Literal["GGA", "RMC", "VTG", "GST", "HDT"]
 
 
 class TlsKeys(StrictModel):
@@ -77,6 +83,33 @@ class MqttTable(TlsKeys):
         return self.port or (8883 if self.tls else 1883)
 
 
+class NmeaTable(StrictModel):
+    """``[publish.nmea]``: NMEA 0183 sentences for gpsd and moving maps, over TCP on this computer and over UDP."""
+
+    tcp_port: Annotated[Port | None, key("port of the TCP server at 127.0.0.1; none: no server", NO_UNIT, 10110)] = None
+    udp: Annotated[
+        Receivers, key("address and port of each receiver of datagrams", NO_UNIT, ("192.168.10.20:10110",))
+    ] = ()
+    talker: Annotated[
+        Literal["IN", "GN", "GP"],
+        key(
+            "first letters of a sentence: IN integrated navigation; GN, GP for receivers that accept no other", NO_UNIT
+        ),
+    ] = "IN"
+    sentences: Annotated[
+        tuple[SentenceName, ...],
+        Field(min_length=1),
+        key("sentences to send; HDT is the true heading, which gpsd 3.22 cannot pass on", NO_UNIT),
+    ] = ("GGA", "RMC", "VTG", "GST")
+    rate_hz: Annotated[LiveRateHz, key("rate of the sentences", "Hz")] = 5.0
+
+    @model_validator(mode="after")
+    def _check_receivers(self) -> NmeaTable:
+        if not (self.tcp_port or self.udp):
+            raise ValueError("tcp_port or udp is required")
+        return self
+
+
 class Publish(StrictModel):
     """``[publish]``: sinks that send outputs, health, alarms and events to other programs.
 
@@ -89,6 +122,7 @@ class Publish(StrictModel):
         key("name of the aircraft for receivers of several aircraft; none: session.name", NO_UNIT, "D-EFTI"),
     ] = None
     mqtt: Annotated[MqttTable | None, key("[publish.mqtt]: MQTT broker; none: none", NO_UNIT)] = None
+    nmea: Annotated[NmeaTable | None, key("[publish.nmea]: NMEA 0183 for gpsd and maps; none: none", NO_UNIT)] = None
 
     def with_paths(self, absolute: Callable[[str], str]) -> Publish:
         """The same table with the paths of its files changed by a function."""

@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
+from fti.config.endpoints import Endpoint
 from fti.config.keys import NO_UNIT, ONE, key
 from fti.config.publish_tables import Publish
 from fti.config.strict_model import StrictModel
@@ -171,10 +172,6 @@ class SerialLink(LinkTable):
             NO_UNIT,
         ),
     ] = "none"
-
-
-ENDPOINT_PATTERN = r"^(\d{1,3}(\.\d{1,3}){3}|\[[0-9a-fA-F:]+\]):\d{1,5}$"
-Endpoint = Annotated[str, Field(pattern=ENDPOINT_PATTERN)]
 
 
 class UdpLink(LinkTable):

@@ -17,6 +17,7 @@ from itertools import compress
 
 from fti.clock import Clock
 from fti.config import UdpLink as UdpConfig
+from fti.config.endpoints import Address, split_endpoint
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links._beat_scheduler import unwatch, watch
 from fti.links._recvmmsg import MAX_DATAGRAMS
@@ -24,22 +25,9 @@ from fti.links.base import BaseLink, Sink
 from fti.links.ports import ipv4_addresses
 from fti.links.sockets import Arrival, prepare
 
-Address = tuple[str, int]
 OTHER_SOURCE = "udp_other_source"
 #: Position of the host in ``struct sockaddr``.
 HOSTS = {socket.AF_INET: slice(4, 8), socket.AF_INET6: slice(8, 24)}
-
-
-def split_endpoint(text: str) -> Address:
-    """Address and port of ``1.2.3.4:5`` or ``[::1]:5``.  Raises ConfigError when one is invalid."""
-    address, _, port = text.rpartition(":")
-    try:
-        host = str(ipaddress.ip_address(address.strip("[]")))
-    except ValueError:
-        raise ConfigError(f"{text}: {address} is not an IP address") from None
-    if int(port) > 65535:
-        raise ConfigError(f"{text}: port {port}; allowed is 0 to 65535")
-    return host, int(port)
 
 
 class UdpSocketLink(BaseLink):

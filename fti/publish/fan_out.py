@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterable
 
@@ -21,6 +22,6 @@ class FanOut:
         if topic not in self._numbers and len(self._numbers) >= MAX_TOPICS:
             return
         self._numbers[topic] += 1
-        message = PublishedMessage(topic, payload, self._numbers[topic])
+        message = PublishedMessage(topic, payload, self._numbers[topic], time.monotonic())
         for queue in self._queues:
             queue.put(message)

@@ -10,6 +10,7 @@ from fti.publish.message import SessionIdentity
 from fti.publish.sink import Sink
 from fti.publish.sink_queue import SinkQueue
 from fti.publish.sinks.mqtt import MqttSink
+from fti.publish.sinks.nmea import NmeaSink
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,3 +31,5 @@ def _sinks(publish: Publish, identity: SessionIdentity) -> Iterator[tuple[str, S
     """Name, sink, and largest rate of a topic [Hz]."""
     if table := publish.mqtt:
         yield "mqtt", MqttSink(table, identity), table.max_rate_hz
+    if nmea := publish.nmea:
+        yield "nmea", NmeaSink(nmea), nmea.rate_hz

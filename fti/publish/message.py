@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import secrets
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -16,11 +17,13 @@ class PublishedMessage(NamedTuple):
     topic   : of the bus: ``/nav/glide_slope``, ``/health``, ``/alarms``, ``/event``
     payload : its JSON, see ``fti.bus.message``
     number  : 1, 2, 3, ... for each topic; a gap is a loss or a lower rate
+    received_s : when it came from the bus (``time.monotonic``) [s]; by default so long ago that it is late
     """
 
     topic: str
     payload: bytes
     number: int
+    received_s: float = -math.inf
 
     def with_number(self, boot: str) -> bytes:
         """The payload with the fields ``boot`` and ``number`` in front.  Boot : see ``SessionIdentity``"""

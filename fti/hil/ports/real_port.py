@@ -14,8 +14,8 @@ import termios
 from typing import Annotated
 
 from fti.config import CanLink, Link, SerialLink, StrictModel, UdpLink
+from fti.config.endpoints import Endpoint as Address
 from fti.config.keys import NO_UNIT, key
-from fti.config.tables import Endpoint as Address
 from fti.errors import ConfigError, LinkError, MissingError
 from fti.hil.ports.serial_base import Notifier, Responder, SerialEndpoint
 from fti.links.serial import open_port
