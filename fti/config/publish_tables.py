@@ -110,6 +110,43 @@ class NmeaTable(StrictModel):
         return self
 
 
+class ZenohTable(TlsKeys):
+    """``[publish.zenoh]``: JSON to a zenoh router, usually on the ground, keys ``fti/<aircraft>/<session>/...``.
+
+    It connects to the router and never listens.  The newest value of each topic, and lost events, can be queried.
+    """
+
+    connect: Annotated[
+        str,
+        Field(pattern=r"^(tcp|tls)/[^/\s#?]+:\d{1,5}$"),
+        key(
+            "endpoint of the router in zenoh notation; tls checks its certificate and name", NO_UNIT, "tls/ground:7447"
+        ),
+    ]
+    user: Annotated[str | None, key("user name; none: no login", NO_UNIT, "aircraft")] = None
+    password_file: Annotated[
+        str | None,
+        key("text file with the password in its first line, readable by its owner only", NO_UNIT, "zenoh.password"),
+    ] = None
+    topics: Annotated[TopicPatterns, key("patterns of the topics to send; * stands for any characters", NO_UNIT)] = (
+        "*",
+    )
+    max_rate_hz: Annotated[
+        RateHz, key("largest rate of each topic; events are always sent; 0.5 for a radio of 9.6 kbit/s", "Hz")
+    ] = 10.0
+
+    @model_validator(mode="after")
+    def _check_login(self) -> ZenohTable:
+        protocol, _, address = self.connect.partition("/")
+        if (self.user is None) != (self.password_file is None):
+            raise ValueError("user and password_file must both be given, or neither")
+        if self.user and protocol != "tls" and address.rpartition(":")[0] not in LOOPBACK_HOSTS:
+            raise ValueError("password_file needs an endpoint tls/...")
+        if protocol != "tls" and (self.ca_file or self.certificate):
+            raise ValueError("ca_file and certificate need an endpoint tls/...")
+        return self
+
+
 class Publish(StrictModel):
     """``[publish]``: sinks that send outputs, health, alarms and events to other programs.
 
@@ -122,6 +159,7 @@ class Publish(StrictModel):
         key("name of the aircraft for receivers of several aircraft; none: session.name", NO_UNIT, "D-EFTI"),
     ] = None
     mqtt: Annotated[MqttTable | None, key("[publish.mqtt]: MQTT broker; none: none", NO_UNIT)] = None
+    zenoh: Annotated[ZenohTable | None, key("[publish.zenoh]: zenoh router; none: none", NO_UNIT)] = None
     nmea: Annotated[NmeaTable | None, key("[publish.nmea]: NMEA 0183 for gpsd and maps; none: none", NO_UNIT)] = None
 
     def with_paths(self, absolute: Callable[[str], str]) -> Publish:

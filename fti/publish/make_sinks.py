@@ -11,6 +11,7 @@ from fti.publish.sink import Sink
 from fti.publish.sink_queue import SinkQueue
 from fti.publish.sinks.mqtt import MqttSink
 from fti.publish.sinks.nmea import NmeaSink
+from fti.publish.sinks.zenoh import ZenohSink
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,3 +34,5 @@ def _sinks(publish: Publish, identity: SessionIdentity) -> Iterator[tuple[str, S
         yield "mqtt", MqttSink(table, identity), table.max_rate_hz
     if nmea := publish.nmea:
         yield "nmea", NmeaSink(nmea), nmea.rate_hz
+    if zenoh := publish.zenoh:
+        yield "zenoh", ZenohSink(zenoh, identity), zenoh.max_rate_hz

@@ -15,6 +15,7 @@ import pytest
 from fti.config import MqttTable, Publish
 from tests.bus.running_hub import RunningHub, wait_for
 from tests.publish.broker import Broker, MqttReader
+from tests.publish.certificates import make_certificates
 from tests.publish.running_publisher import AIRCRAFT, SESSION, RunningPublisher
 
 PREFIX = f"fti/{AIRCRAFT}/{SESSION}"
@@ -189,24 +190,6 @@ def test_an_unusable_password_file_is_an_error_that_names_it(
 
 
 # ------------------------------------------------------------------------------------------------------------- TLS
-
-
-def openssl(*arguments: str) -> None:
-    subprocess.run(["openssl", *arguments], check=True, capture_output=True)
-
-
-def make_certificates(folder: Path, name: str) -> tuple[Path, Path, Path]:
-    """An authority and a certificate of loopback by it: authority, certificate, key."""
-    ca, ca_key, key = folder / f"{name}_ca.pem", folder / f"{name}_ca.key", folder / f"{name}.key"
-    request, certificate, extra = folder / f"{name}.csr", folder / f"{name}.pem", folder / f"{name}.ext"
-    new_key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
-    openssl("req", "-x509", *new_key, "-keyout", str(ca_key), "-out", str(ca), "-subj", f"/CN={name} authority")
-    openssl("req", *new_key, "-keyout", str(key), "-out", str(request), "-subj", "/CN=127.0.0.1")
-    extra.write_text("subjectAltName=IP:127.0.0.1,DNS:localhost\n")
-    signing = ("-CA", str(ca), "-CAkey", str(ca_key), "-CAcreateserial", "-extfile", str(extra))
-    openssl("x509", "-req", "-in", str(request), *signing, "-out", str(certificate), "-days", "2")
-    key.chmod(0o644)
-    return ca, certificate, key
 
 
 def test_tls_with_certificates_on_both_sides(hub: RunningHub, tmp_path: Path) -> None:
