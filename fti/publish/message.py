@@ -7,8 +7,17 @@ import secrets
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import orjson
+
+from fti.messages.topics import OUTPUT_MAX_AGE_MS
+
 #: Random bytes of a boot id.
 BOOT_ID_BYTES = 8
+#: A message that has waited longer states its new age; sinks take messages every 20 ms [ms].
+MAX_UNSTATED_MS = 50.0
+#: Limit of a stated age: ten days [ms].
+MAX_AGE_MS = 864e6
+OUTPUT_PREFIX = "/nav/"
 
 
 class PublishedMessage(NamedTuple):
@@ -25,10 +34,28 @@ class PublishedMessage(NamedTuple):
     number: int
     received_s: float = -math.inf
 
-    def with_number(self, boot: str) -> bytes:
-        """The payload with the fields ``boot`` and ``number`` in front.  Boot : see ``SessionIdentity``"""
+    def numbered_json(self, boot: str, now_s: float) -> bytes:
+        """The payload with ``boot`` and ``number`` in front; an output that has waited is as old as it is now.
+
+        boot : see ``SessionIdentity``;  now_s : ``time.monotonic`` [s]
+        """
+        waited_ms = 1000.0 * (now_s - self.received_s)
+        payload = self.payload
+        if waited_ms > MAX_UNSTATED_MS and self.topic.startswith(OUTPUT_PREFIX):
+            payload = _aged(payload, waited_ms)
         begin = b'{"boot":"%s","number":%d' % (boot.encode(), self.number)
-        return begin + (b"," if len(self.payload) > len(b"{}") else b"") + self.payload[1:]
+        return begin + (b"," if len(payload) > len(b"{}") else b"") + payload[1:]
+
+
+def _aged(payload: bytes, waited_ms: float) -> bytes:
+    """The payload of an output with its present age.  A late output is not valid."""
+    fields = orjson.loads(payload)
+    age_ms = min((fields.get("age_ms") or 0.0) + waited_ms, MAX_AGE_MS)
+    is_late = bool(fields.get("late")) or age_ms > fields.get("max_age_ms", OUTPUT_MAX_AGE_MS)
+    fields |= {"age_ms": round(age_ms, 3), "late": is_late}
+    if is_late:
+        fields["valid"] = False
+    return orjson.dumps(fields)
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,11 +151,6 @@ def test_close_ends_take_and_keeps_what_waits() -> None:
     assert numbers(queue.take_all()) == [7]
 
 
-def test_a_message_names_boot_and_number_in_front() -> None:
-    assert PublishedMessage("/health", b'{"t_ns":5}', 3).with_number("ab") == b'{"boot":"ab","number":3,"t_ns":5}'
-    assert PublishedMessage("/health", b"{}", 3).with_number("ab") == b'{"boot":"ab","number":3}'
-
-
 def test_the_numbers_of_each_topic_count_from_one_for_all_sinks() -> None:
     queues = [SinkQueue(["/event"]), SinkQueue()]
     fan_out = FanOut(queues)

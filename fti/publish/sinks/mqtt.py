@@ -13,6 +13,7 @@ state    ``fti/<aircraft>/<session>/state``, retained: ``{"boot", "number", "sta
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Coroutine, Sequence
 from contextlib import suppress
 from typing import Any
@@ -109,7 +110,7 @@ class MqttSink:
 
     async def _publish_one(self, client: aiomqtt.Client, message: PublishedMessage) -> None:
         is_event = message.topic == BUS_EVENT
-        payload = message.with_number(self._identity.boot)
+        payload = message.numbered_json(self._identity.boot, time.monotonic())
         await client.publish(self._prefix + message.topic, payload, qos=int(is_event), retain=not is_event)
 
     async def _publish_state(self, client: aiomqtt.Client, state: str) -> None:

@@ -18,6 +18,7 @@ import json
 import re
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -65,9 +66,10 @@ class ZenohSink:
         assert self._session is not None
         if not self._session.info.routers_zid():
             raise SinkError(f"publish.zenoh: {self._table.connect}: the router has ended the connection")
+        now_s = time.monotonic()
         for message in messages:
-            payload = message.with_number(self._boot)
-            self._kept.add(message, payload)
+            payload = message.numbered_json(self._boot, now_s)
+            self._kept.add(message)
             is_event = message.topic == BUS_EVENT
             self._session.put(
                 self._prefix + message.topic,
@@ -84,9 +86,11 @@ class ZenohSink:
                 query.reply_err(b"too many queries")
                 return
             first, last = (_number(query.parameters.get(name)) for name in ("from", "to"))
-            for topic, payload in self._kept.select(first, last):
+            now_s = time.monotonic()
+            for topic, message in self._kept.select(first, last):
                 key = zenoh.KeyExpr(self._prefix + topic)
                 if query.key_expr.intersects(key):
+                    payload = message.numbered_json(self._boot, now_s)
                     query.reply(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
 
     def count_peers(self) -> int | None:
@@ -106,19 +110,19 @@ class KeptMessages:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._values: dict[str, bytes] = {}
-        self._events: deque[tuple[int, bytes]] = deque(maxlen=MAX_EVENTS)
+        self._values: dict[str, PublishedMessage] = {}
+        self._events: deque[PublishedMessage] = deque(maxlen=MAX_EVENTS)
 
-    def add(self, message: PublishedMessage, payload: bytes) -> None:
+    def add(self, message: PublishedMessage) -> None:
         """Keep a message; an event that is sent again is kept once."""
         with self._lock:
-            self._values[message.topic] = payload
-            is_new = not self._events or message.number > self._events[-1][0]
+            self._values[message.topic] = message
+            is_new = not self._events or message.number > self._events[-1].number
             if message.topic == BUS_EVENT and is_new:
-                self._events.append((message.number, payload))
+                self._events.append(message)
 
-    def select(self, first: int | None, last: int | None) -> list[tuple[str, bytes]]:
-        """Topic and payload of the newest messages, then of the events with numbers from ``first`` to ``last``.
+    def select(self, first: int | None, last: int | None) -> list[tuple[str, PublishedMessage]]:
+        """Topics and messages: the newest ones, then the events with numbers from ``first`` to ``last``.
 
         The topic of an event has its number appended.  Without ``first`` no events, without ``last`` all newer ones.
         """
@@ -127,7 +131,7 @@ class KeptMessages:
         if first is None:
             return values
         is_wanted = range(first, sys.maxsize if last is None else last + 1)
-        return values + [(f"{BUS_EVENT}/{number}", payload) for number, payload in events if number in is_wanted]
+        return values + [(f"{BUS_EVENT}/{event.number}", event) for event in events if event.number in is_wanted]
 
 
 def _number(text: str | None) -> int | None:
