@@ -110,6 +110,17 @@ class NmeaTable(StrictModel):
         return self
 
 
+class Gdl90Table(StrictModel):
+    """``[publish.gdl90]``: GDL 90 messages for tablets, over UDP."""
+
+    udp: Annotated[
+        Receivers,
+        Field(min_length=1),
+        key("address and port of each receiver of datagrams; tablets have port 4000", NO_UNIT, ("192.168.10.30:4000",)),
+    ]
+    rate_hz: Annotated[LiveRateHz, key("rate of the attitude; the other messages have 1 Hz", "Hz")] = 5.0
+
+
 class ZenohTable(TlsKeys):
     """``[publish.zenoh]``: JSON to a zenoh router, usually on the ground, keys ``fti/<aircraft>/<session>/...``.
 
@@ -161,6 +172,7 @@ class Publish(StrictModel):
     mqtt: Annotated[MqttTable | None, key("[publish.mqtt]: MQTT broker; none: none", NO_UNIT)] = None
     zenoh: Annotated[ZenohTable | None, key("[publish.zenoh]: zenoh router; none: none", NO_UNIT)] = None
     nmea: Annotated[NmeaTable | None, key("[publish.nmea]: NMEA 0183 for gpsd and maps; none: none", NO_UNIT)] = None
+    gdl90: Annotated[Gdl90Table | None, key("[publish.gdl90]: GDL 90 for tablets; none: none", NO_UNIT)] = None
 
     def with_paths(self, absolute: Callable[[str], str]) -> Publish:
         """The same table with the paths of its files changed by a function."""

@@ -9,6 +9,7 @@ from fti.config import Publish
 from fti.publish.message import SessionIdentity
 from fti.publish.sink import Sink
 from fti.publish.sink_queue import SinkQueue
+from fti.publish.sinks.gdl90 import Gdl90Sink
 from fti.publish.sinks.mqtt import MqttSink
 from fti.publish.sinks.nmea import NmeaSink
 from fti.publish.sinks.zenoh import ZenohSink
@@ -34,5 +35,7 @@ def _sinks(publish: Publish, identity: SessionIdentity) -> Iterator[tuple[str, S
         yield "mqtt", MqttSink(table, identity), table.max_rate_hz
     if nmea := publish.nmea:
         yield "nmea", NmeaSink(nmea), nmea.rate_hz
+    if gdl90 := publish.gdl90:
+        yield "gdl90", Gdl90Sink(gdl90, identity), gdl90.rate_hz
     if zenoh := publish.zenoh:
         yield "zenoh", ZenohSink(zenoh, identity), zenoh.max_rate_hz

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from typing import Any
@@ -58,6 +59,15 @@ def message(output: Output, *, age_ms: float = 20.0, received_s: float | None = 
     """An output as it comes from the bus now."""
     payload = encode_with_age(asdict(output), output.t_ns, output.t_ns + round(age_ms * 1e6), OUTPUT_MAX_AGE_MS)
     return PublishedMessage(output_topic(output), payload, 1, time.monotonic() if received_s is None else received_s)
+
+
+def json_field(published: PublishedMessage, name: str) -> object:
+    """A field of the payload; None if there is no such thing."""
+    try:
+        fields = json.loads(published.payload)
+    except ValueError:
+        return None
+    return fields.get(name) if isinstance(fields, dict) else None
 
 
 JSON_VALUES = st.recursive(

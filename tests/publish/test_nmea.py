@@ -37,6 +37,7 @@ from tests.publish.solutions import (
     TRACK_DEG,
     arbitrary_messages,
     invalid_solution,
+    json_field,
     message,
     solution,
 )
@@ -137,14 +138,6 @@ def test_any_message_gives_sentences_with_right_checksums(published: PublishedMe
 def test_no_message_that_is_not_valid_gives_a_position(published: PublishedMessage) -> None:
     if json_field(published, "valid") is not True:
         assert_no_position(encoded(published))
-
-
-def json_field(published: PublishedMessage, name: str) -> object:
-    try:
-        fields = json.loads(published.payload)
-    except ValueError:
-        return None
-    return fields.get(name) if isinstance(fields, dict) else None
 
 
 # ------------------------------------------------------------------------------------------------------------ gpsd
