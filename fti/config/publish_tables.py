@@ -121,6 +121,23 @@ class Gdl90Table(StrictModel):
     rate_hz: Annotated[LiveRateHz, key("rate of the attitude; the other messages have 1 Hz", "Hz")] = 5.0
 
 
+class MavlinkTable(StrictModel):
+    """``[publish.mavlink]``: MAVLink 2 for QGroundControl and others, over UDP; commands are not read."""
+
+    udp: Annotated[
+        Receivers,
+        Field(min_length=1),
+        key("address and port of each receiver of datagrams", NO_UNIT, ("192.168.10.40:14550",)),
+    ]
+    system: Annotated[
+        int, Field(ge=1, le=255), key("system id, different from those of autopilots and ground stations", NO_UNIT)
+    ] = 100
+    component: Annotated[
+        int, Field(ge=1, le=255), key("component id; QGroundControl shows only component 1 as a vehicle", NO_UNIT)
+    ] = 1
+    rate_hz: Annotated[LiveRateHz, key("rate of position, attitude and height", "Hz")] = 10.0
+
+
 class ZenohTable(TlsKeys):
     """``[publish.zenoh]``: JSON to a zenoh router, usually on the ground, keys ``fti/<aircraft>/<session>/...``.
 
@@ -173,6 +190,7 @@ class Publish(StrictModel):
     zenoh: Annotated[ZenohTable | None, key("[publish.zenoh]: zenoh router; none: none", NO_UNIT)] = None
     nmea: Annotated[NmeaTable | None, key("[publish.nmea]: NMEA 0183 for gpsd and maps; none: none", NO_UNIT)] = None
     gdl90: Annotated[Gdl90Table | None, key("[publish.gdl90]: GDL 90 for tablets; none: none", NO_UNIT)] = None
+    mavlink: Annotated[MavlinkTable | None, key("[publish.mavlink]: MAVLink for ground stations", NO_UNIT)] = None
 
     def with_paths(self, absolute: Callable[[str], str]) -> Publish:
         """The same table with the paths of its files changed by a function."""

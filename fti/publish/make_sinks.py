@@ -10,6 +10,7 @@ from fti.publish.message import SessionIdentity
 from fti.publish.sink import Sink
 from fti.publish.sink_queue import SinkQueue
 from fti.publish.sinks.gdl90 import Gdl90Sink
+from fti.publish.sinks.mavlink import MavlinkSink
 from fti.publish.sinks.mqtt import MqttSink
 from fti.publish.sinks.nmea import NmeaSink
 from fti.publish.sinks.zenoh import ZenohSink
@@ -37,5 +38,7 @@ def _sinks(publish: Publish, identity: SessionIdentity) -> Iterator[tuple[str, S
         yield "nmea", NmeaSink(nmea), nmea.rate_hz
     if gdl90 := publish.gdl90:
         yield "gdl90", Gdl90Sink(gdl90, identity), gdl90.rate_hz
+    if mavlink := publish.mavlink:
+        yield "mavlink", MavlinkSink(mavlink), mavlink.rate_hz
     if zenoh := publish.zenoh:
         yield "zenoh", ZenohSink(zenoh, identity), zenoh.max_rate_hz

@@ -64,7 +64,7 @@ class NavigationValues:
 
 
 #: Without a current solution.
-NO_NAVIGATION = NavigationValues(reasons=("no current output",))
+NO_NAVIGATION = NavigationValues(reasons=("no output",))
 
 
 def read_navigation(message: PublishedMessage, now_s: float) -> NavigationValues:
