@@ -8,7 +8,7 @@ from fti.config.binding import bind
 from fti.config.error_lines import check_all, error_lines, with_place
 from fti.config.loading import load, parse, read_toml, with_links, with_session
 from fti.config.parsing import decode_text, parse_toml
-from fti.config.publish_tables import MqttTable, Publish, TlsKeys, ZenohTable
+from fti.config.publish_tables import FoxgloveTable, MqttTable, Publish, TlsKeys, ZenohTable
 from fti.config.strict_model import StrictModel
 from fti.config.tables import (
     AlertLimits,
@@ -53,6 +53,7 @@ __all__ = [
     "Device",
     "Display",
     "Filter",
+    "FoxgloveTable",
     "LandCoverTable",
     "Link",
     "LinkTable",

@@ -175,6 +175,16 @@ class ZenohTable(TlsKeys):
         return self
 
 
+class FoxgloveTable(StrictModel):
+    """``[publish.foxglove]``: live server for Foxglove, on this computer only (127.0.0.1).
+
+    Foxglove's server has no login; ``ssh -L 8765:127.0.0.1:8765`` reaches it from another computer.
+    """
+
+    port: Annotated[Port, key("port on which Foxglove connects", NO_UNIT)] = 8765
+    max_rate_hz: Annotated[RateHz, key("largest rate of each topic; events are always sent", "Hz")] = 25.0
+
+
 class Publish(StrictModel):
     """``[publish]``: sinks that send outputs, health, alarms and events to other programs.
 
@@ -191,6 +201,9 @@ class Publish(StrictModel):
     nmea: Annotated[NmeaTable | None, key("[publish.nmea]: NMEA 0183 for gpsd and maps; none: none", NO_UNIT)] = None
     gdl90: Annotated[Gdl90Table | None, key("[publish.gdl90]: GDL 90 for tablets; none: none", NO_UNIT)] = None
     mavlink: Annotated[MavlinkTable | None, key("[publish.mavlink]: MAVLink for ground stations", NO_UNIT)] = None
+    foxglove: Annotated[
+        FoxgloveTable | None, key("[publish.foxglove]: live server for Foxglove; none: none", NO_UNIT)
+    ] = None
 
     def with_paths(self, absolute: Callable[[str], str]) -> Publish:
         """The same table with the paths of its files changed by a function."""

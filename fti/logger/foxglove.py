@@ -1,4 +1,4 @@
-"""The Foxglove messages ``foxglove.LocationFix`` and ``foxglove.Log`` as JSON.
+"""Schemas of Foxglove messages as JSON, and ``foxglove.LocationFix`` and ``foxglove.Log``, which files have too.
 
 Source of field names, types and enumerations: https://docs.foxglove.dev/docs/sdk/schemas.  The schemas omit the fields
 that this service does not fill.
@@ -34,6 +34,12 @@ def _choice(title: str, values: dict[str, int]) -> Json:
     return {"title": title, "oneOf": [{"title": name.upper(), "const": value} for name, value in values.items()]}
 
 
+def _object(title: str, **properties: Json) -> Json:
+    return {"title": f"foxglove.{title}", "type": "object", "properties": properties, "required": list(properties)}
+
+
+_VECTOR: Json = _object("Vector3", x=_NUMBER, y=_NUMBER, z=_NUMBER)
+_QUATERNION: Json = _object("Quaternion", x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER)
 _PROPERTIES: dict[str, Json] = {
     "LocationFix": {
         "timestamp": _TIME,
@@ -43,6 +49,8 @@ _PROPERTIES: dict[str, Json] = {
         "altitude": _NUMBER,  # [m]
         "position_covariance": {"type": "array", "items": _NUMBER, "minItems": 9, "maxItems": 9},  # ENU, by rows [m^2]
         "position_covariance_type": _choice("foxglove.PositionCovarianceType", COVARIANCE_TYPES),
+        "heading": _NUMBER,  # clockwise from north [rad]
+        "velocity": _VECTOR,  # east, north, up [m/s]
     },
     "Log": {
         "timestamp": _TIME,
@@ -52,18 +60,34 @@ _PROPERTIES: dict[str, Json] = {
         "file": _STRING,
         "line": {"type": "integer", "minimum": 0},
     },
+    "FrameTransform": {
+        "timestamp": _TIME,
+        "parent_frame_id": _STRING,
+        "child_frame_id": _STRING,
+        "translation": _VECTOR,
+        "rotation": _QUATERNION,
+    },
+    "PoseInFrame": {
+        "timestamp": _TIME,
+        "frame_id": _STRING,
+        "pose": _object("Pose", position=_VECTOR, orientation=_QUATERNION),
+    },
+    "GeoJSON": {"geojson": _STRING},
 }
+#: Fields that a message may omit.
+_OPTIONAL = frozenset({"heading", "velocity"})
 NAMES: Sequence[str] = tuple(_PROPERTIES)
 
 
 def schema_text(name: str) -> bytes:
-    """JSON schema of ``LocationFix`` or ``Log``."""
-    properties = _PROPERTIES[name]
-    table = {"title": f"foxglove.{name}", "type": "object", "properties": properties, "required": list(properties)}
-    return json.dumps(table, separators=(",", ":")).encode()
+    """JSON schema of one of ``NAMES``."""
+    schema = _object(name, **_PROPERTIES[name])
+    schema["required"] = [field for field in schema["required"] if field not in _OPTIONAL]
+    return json.dumps(schema, separators=(",", ":")).encode()
 
 
-def _time(t_ns: int) -> Json:
+def timestamp(t_ns: int) -> Json:
+    """A time [ns] as Foxglove has it."""
     return {"sec": t_ns // SECOND_NS, "nsec": t_ns % SECOND_NS}
 
 
@@ -71,26 +95,39 @@ def log(event: Event, who: str = "") -> Json:
     """An event as ``foxglove.Log``; the otherwise unused field ``file`` holds ``who``, the originator."""
     level = LOG_LEVELS.get(event.level, LOG_LEVELS["unknown"])
     fields = {"level": level, "message": event.text, "name": event.source, "file": who, "line": 0}
-    return {"timestamp": _time(event.t_ns), **fields}
+    return {"timestamp": timestamp(event.t_ns), **fields}
 
 
 def location(solution: NavSolution) -> Json | None:
     """A valid solution as ``foxglove.LocationFix``: degrees, height above the ellipsoid [m], covariance ENU [m^2].
 
+    With a valid attitude also the heading [rad], and with a velocity that, east, north, up [m/s].
     None without a valid position.  The horizontal sigma is used for each axis.
     """
     if not solution.valid or solution.lat is None or solution.lon is None or solution.alt is None:
         return None
     covariance, kind = _covariance(solution.horizontal_sd, solution.vertical_sd)
     return {
-        "timestamp": _time(solution.t_ns if solution.t_valid_ns is None else solution.t_valid_ns),
+        "timestamp": timestamp(solution.t_ns if solution.t_valid_ns is None else solution.t_valid_ns),
         "frame_id": "p",
         "latitude": math.degrees(solution.lat),
         "longitude": math.degrees(solution.lon),
         "altitude": solution.alt,
         "position_covariance": covariance,
         "position_covariance_type": kind,
+        **_motion(solution),
     }
+
+
+def _motion(solution: NavSolution) -> Json:
+    """Heading and velocity as far as they are known."""
+    found: Json = {}
+    if solution.attitude_valid and solution.heading is not None:
+        found["heading"] = solution.heading
+    north, east, down = solution.vel_north, solution.vel_east, solution.vel_down
+    if north is not None and east is not None and down is not None:
+        found["velocity"] = {"x": east, "y": north, "z": -down}
+    return found
 
 
 def _covariance(horizontal_sd: float | None, vertical_sd: float | None) -> tuple[list[float], int]:

@@ -9,6 +9,7 @@ from fti.config import Publish
 from fti.publish.message import SessionIdentity
 from fti.publish.sink import Sink
 from fti.publish.sink_queue import SinkQueue
+from fti.publish.sinks.foxglove import FoxgloveSink
 from fti.publish.sinks.gdl90 import Gdl90Sink
 from fti.publish.sinks.mavlink import MavlinkSink
 from fti.publish.sinks.mqtt import MqttSink
@@ -42,3 +43,5 @@ def _sinks(publish: Publish, identity: SessionIdentity) -> Iterator[tuple[str, S
         yield "mavlink", MavlinkSink(mavlink), mavlink.rate_hz
     if zenoh := publish.zenoh:
         yield "zenoh", ZenohSink(zenoh, identity), zenoh.max_rate_hz
+    if foxglove := publish.foxglove:
+        yield "foxglove", FoxgloveSink(foxglove, identity), foxglove.max_rate_hz

@@ -1,0 +1,274 @@
+"""The Foxglove server against a client that is written from the specification of the protocol."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+
+import aiohttp
+import jsonschema
+import pytest
+
+from fti.config import FoxgloveTable
+from fti.logger.schemas import foxglove_schema, schema_of
+from fti.messages.outputs import GlideSlope
+from fti.publish.message import SessionIdentity
+from fti.publish.sink import SinkError
+from fti.publish.sinks.foxglove import BACKLOG_MESSAGES, FoxgloveSink
+from tests.helpers import ROOT, until, until_async
+from tests.publish.bus_messages import T0_NS, glide_slope, of_alarms, of_event, of_output, solution
+from tests.publish.foxglove_client import SUBPROTOCOL, Connection, FoxgloveClient
+
+SOLUTION, GLIDE, LOCATION, EVENT = "/nav/nav_solution", "/nav/glide_slope", "/nav/location", "/fti/event"
+
+
+def free_port() -> int:
+    with socket.socket() as sock:
+        sock.bind(("127.0.0.1", 0))
+        port: int = sock.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture
+def sink(port: int) -> Iterator[FoxgloveSink]:
+    made = FoxgloveSink(FoxgloveTable(port=port), SessionIdentity("D-EFTI", "nominal"))
+    made.open()
+    yield made
+    made.close()
+
+
+async def served(sink: FoxgloveSink, predicate: Callable[[], object], what: str = "") -> None:
+    """Wait, while the sink is called as its thread calls it without messages."""
+    await until_async(lambda: sink.send([]) or predicate(), what=what)  # type: ignore[func-returns-value]
+
+
+async def sees(sink: FoxgloveSink, client: FoxgloveClient, *topics: str) -> None:
+    """Wait for the newest value of topics, which comes because the client has subscribed."""
+    for topic in topics:
+        await served(sink, lambda topic=topic: client.of(topic), topic)  # type: ignore[misc]
+
+
+def newest_ns(client: FoxgloveClient, topic: str) -> int:
+    """Time of the newest message after T0 [ns]; -1 without one."""
+    newest = client.newest(topic)
+    return newest.log_ns - T0_NS if newest else -1
+
+
+async def test_every_output_comes_with_its_schema(sink: FoxgloveSink, port: int) -> None:
+    sent = [of_output(solution()), of_output(glide_slope()), of_event("low"), of_alarms()]
+    sink.send(sent)
+    async with Connection(port) as client:
+        topics = {SOLUTION, GLIDE, LOCATION, "/nav/pose", "/nav/transform", "/nav/track", EVENT, "/alarms"}
+        await sees(sink, client, *topics - {EVENT})
+        assert set(client.channels) == topics and sink.count_peers() == 1
+        await until_async(lambda: sink.send(sent) or client.of(EVENT), what="an event")  # type: ignore[func-returns-value]
+        for topic in topics:
+            channel = client.channels[topic]
+            assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema"), topic
+            schema = json.loads(channel["schema"])
+            assert schema["title"] == channel["schemaName"]
+            jsonschema.Draft7Validator.check_schema(schema)
+            for message in client.of(topic):
+                jsonschema.Draft7Validator(schema).validate(message.content)
+        newest = client.newest(GLIDE)
+        assert newest and newest.log_ns == T0_NS
+        assert newest.content == json.loads(sent[1].payload)
+        log = client.newest(EVENT)
+        assert log and (log.content["message"], log.content["level"]) == ("low", 3)
+    await until_async(lambda: sink.count_peers() == 0, what="the client has gone")
+
+
+async def test_topics_and_schemas_are_those_of_files(sink: FoxgloveSink, port: int) -> None:
+    """A field of a file is live too, with the same unit; live there is the age as well."""
+    sink.send([of_output(glide_slope()), of_output(solution()), of_event("x")])
+    async with Connection(port) as client:
+        await until_async(lambda: len(client.channels) >= 7, what="the channels")
+        live, file = json.loads(client.channels[GLIDE]["schema"]), json.loads(schema_of(GlideSlope).data)
+        assert client.channels[GLIDE]["schemaName"] == schema_of(GlideSlope).name
+        added = {"age_ms", "max_age_ms", "late"}
+        assert {name: live["properties"][name] for name in live["properties"].keys() - added} == file["properties"]
+        assert live["properties"]["deviation"]["description"] == "[rad]"
+        for topic, name in ((EVENT, "Log"), (LOCATION, "LocationFix")):
+            assert client.channels[topic]["schema"].encode() == foxglove_schema(name).data
+
+
+async def test_the_server_names_itself_and_accepts_nothing(sink: FoxgloveSink, port: int) -> None:
+    sink.send([of_output(glide_slope())])
+    async with Connection(port) as client:
+        await sees(sink, client, GLIDE)
+        assert client.info["name"] == "fti D-EFTI nominal"
+        assert client.info["sessionId"].startswith("nominal/")
+        assert client.info["capabilities"] == []
+        wanted = {"id": 1, "topic": "/command", "encoding": "json", "schemaName": "x"}
+        await client.send(op="advertise", channels=[wanted])
+        await client.publish(1, b'{"send": "it"}')
+        await client.send(op="setParameters", parameters=[{"name": "x", "value": 1}])
+        await until_async(lambda: len(client.statuses) >= 3, what="three refusals")
+        assert {status["level"] for status in client.statuses} == {2}, client.statuses  # errors
+        texts = " ".join(status["message"] for status in client.statuses)
+        assert "clientPublish" in texts and "parameters" in texts
+        sink.send([of_output(glide_slope(T0_NS + 1))])
+        await until_async(lambda: newest_ns(client, GLIDE) == 1)
+
+
+async def test_a_client_of_another_protocol_is_refused(sink: FoxgloveSink, port: int) -> None:
+    async with aiohttp.ClientSession() as session:
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await session.ws_connect(f"http://127.0.0.1:{port}", protocols=["other"])
+
+
+async def test_no_position_while_it_is_invalid(sink: FoxgloveSink, port: int) -> None:
+    sink.send([of_output(solution())])
+    async with Connection(port) as client:
+        await sees(sink, client, LOCATION, SOLUTION)
+        sink.send([of_output(solution(T0_NS + 40, valid=False))])
+        sink.send([of_output(solution(T0_NS + 80), age_ms=600.0)])  # late, therefore invalid
+        await until_async(lambda: newest_ns(client, SOLUTION) == 80, what="the late solution")
+        assert {message.log_ns for message in client.of(LOCATION)} == {T0_NS}
+    async with Connection(port) as client:  # and none for one that comes now
+        await sees(sink, client, SOLUTION)
+        await served(sink, lambda: len(client.channels) == 5 and client.of("/nav/track"))
+        assert not client.of(LOCATION) and not client.of("/nav/pose")
+
+
+async def test_an_output_that_ends_becomes_late(sink: FoxgloveSink, port: int) -> None:
+    """Navigation that has died sends no invalid output; a panel would show its last valid one."""
+    sink.send([of_output(glide_slope()), of_output(solution())])
+    async with Connection(port) as client:
+        await sees(sink, client, GLIDE)
+        await served(sink, lambda: newest_ns(client, GLIDE) > 0, "a late output")
+        newest = client.newest(GLIDE)
+        assert newest and newest.content["late"] and not newest.content["valid"] and newest.content["dots"] == 0.1
+        assert newest.content["age_ms"] > 500.0 and newest.log_ns > T0_NS + 500_000_000
+    async with Connection(port) as client:
+        await sees(sink, client, GLIDE, SOLUTION)
+        assert {message.content["valid"] for message in client.of(GLIDE) + client.of(SOLUTION)} == {False}
+        assert not client.of(LOCATION)
+
+
+async def test_a_late_client_gets_the_newest_values_at_once_but_no_event_again(sink: FoxgloveSink, port: int) -> None:
+    sink.send([of_output(solution()), of_output(glide_slope()), of_event("once")])
+    async with Connection(port) as first:
+        await sees(sink, first, SOLUTION, GLIDE, LOCATION, "/nav/track")
+        sink.send([of_event("twice")])
+        await until_async(lambda: first.of(EVENT))
+        async with Connection(port) as second:
+            await sees(sink, second, SOLUTION, GLIDE, LOCATION, "/nav/track")
+            assert not second.of(EVENT)
+        assert [message.content["message"] for message in first.of(EVENT)] == ["twice"]
+
+
+async def test_a_used_port_is_reported_and_used_as_soon_as_it_is_free(port: int) -> None:
+    sink = FoxgloveSink(FoxgloveTable(port=port), SessionIdentity("D-EFTI", "nominal"))
+    with socket.socket() as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        other.bind(("127.0.0.1", port))
+        other.listen()
+        with pytest.raises(SinkError, match=f"publish.foxglove.port: 127.0.0.1:{port}: .*in use"):
+            sink.open()
+        sink.close()
+    sink.open()
+    sink.send([of_output(glide_slope())])
+    async with Connection(port) as client:
+        await sees(sink, client, GLIDE)
+    sink.close()
+
+
+async def test_a_server_that_is_started_again_serves_the_same_topics(sink: FoxgloveSink, port: int) -> None:
+    sink.send([of_output(glide_slope())])
+    async with Connection(port) as client:
+        await sees(sink, client, GLIDE)
+        sink.close()
+        await until_async(lambda: client.has_ended, what="the end of the connection")
+
+    def opens() -> bool:
+        try:
+            sink.open()
+        except SinkError:
+            return False
+        return True
+
+    until(opens, what="the port")
+    sink.send([of_output(glide_slope())])
+    async with Connection(port) as client:
+        await sees(sink, client, GLIDE)
+
+
+async def test_a_hundred_clients_get_every_message(sink: FoxgloveSink, port: int) -> None:
+    sink.send([of_output(glide_slope())])
+    async with contextlib.AsyncExitStack() as stack:
+        session = await stack.enter_async_context(aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)))
+        clients = [await stack.enter_async_context(Connection(port, session)) for _ in range(100)]
+        await until_async(lambda: sink.count_peers() == 100, what="all clients")
+        for i in range(1, 51):
+            sink.send([of_output(glide_slope(T0_NS + i))])
+            await asyncio.sleep(0.005)
+        for client in clients:
+            await until_async(lambda client=client: newest_ns(client, GLIDE) == 50)  # type: ignore[misc]
+            assert {message.log_ns - T0_NS for message in client.of(GLIDE)} >= set(range(1, 51))
+
+
+@contextlib.contextmanager
+def client_program(port: int) -> Iterator[subprocess.Popen[str]]:
+    """A client in a process of its own."""
+    program = [sys.executable, "-m", "tests.publish.foxglove_client", str(port)]
+    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+async def test_a_stopped_client_delays_nobody(sink: FoxgloveSink, port: int) -> None:
+    """It loses the oldest messages, the others none; what waits for it is bounded."""
+    topic, text, count = EVENT, 4000 * "x", 5000  # more bytes than the buffers of the sockets
+    sink.send([of_event("first")])
+    with client_program(port) as stopped:
+        assert stopped.stdout
+        await until_async(lambda: sink.count_peers() == 1)
+        sink.send([of_event("second")])  # an event is not repeated
+        assert (await asyncio.to_thread(stopped.stdout.readline)).split() == [topic, str(T0_NS)]
+        stopped.send_signal(signal.SIGSTOP)
+        async with Connection(port) as client:
+            await until_async(lambda: sink.count_peers() == 2)
+            for i in range(count):
+                sink.send([of_event(text, T0_NS + i)])
+                if i % 20 == 0:
+                    await asyncio.sleep(0.001)
+            await until_async(lambda: newest_ns(client, topic) == count - 1)
+            assert [message.log_ns - T0_NS for message in client.of(topic)] == list(range(count))
+        stopped.send_signal(signal.SIGCONT)
+        lines = [""]
+        while lines[-1] != f"{topic} {T0_NS + count - 1}":
+            lines.append((await asyncio.to_thread(stopped.stdout.readline)).strip())
+            assert lines[-1], lines[-2]
+        assert BACKLOG_MESSAGES <= len(lines) < count
+
+
+async def test_a_client_that_floods_is_disconnected_and_delays_nobody(sink: FoxgloveSink, port: int) -> None:
+    """It sends requests and does not read the errors."""
+    sink.send([of_output(glide_slope())])
+    async with Connection(port) as client, aiohttp.ClientSession() as session:
+        await sees(sink, client, GLIDE)
+        flood = await session.ws_connect(f"http://127.0.0.1:{port}", protocols=[SUBPROTOCOL])
+        wrong = json.dumps({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 10_000}]})
+        sent = 0
+        with pytest.raises(aiohttp.ClientConnectionResetError):
+            while True:
+                await flood.send_str(wrong)
+                if (sent := sent + 1) % 100 == 0:
+                    sink.send([of_output(glide_slope(T0_NS + sent))])
+                    await asyncio.sleep(0.0)
+        await until_async(lambda: newest_ns(client, GLIDE) == sent // 100 * 100)
