@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 
 import aiohttp
@@ -18,12 +19,13 @@ import pytest
 from fti.config import FoxgloveTable
 from fti.logger.schemas import foxglove_schema, schema_of
 from fti.messages.outputs import GlideSlope
-from fti.publish.message import SessionIdentity
+from fti.publish.message import PublishedMessage, SessionIdentity
 from fti.publish.sink import SinkError
 from fti.publish.sinks.foxglove import BACKLOG_MESSAGES, FoxgloveSink
 from tests.helpers import ROOT, until, until_async
-from tests.publish.bus_messages import T0_NS, glide_slope, of_alarms, of_event, of_output, solution
+from tests.publish.bus_messages import alarms, event, glide_slope, solution
 from tests.publish.foxglove_client import SUBPROTOCOL, Connection, FoxgloveClient
+from tests.publish.solutions import T_NS, message
 
 SOLUTION, GLIDE, LOCATION, EVENT = "/nav/nav_solution", "/nav/glide_slope", "/nav/location", "/fti/event"
 
@@ -60,13 +62,13 @@ async def sees(sink: FoxgloveSink, client: FoxgloveClient, *topics: str) -> None
 
 
 def newest_ns(client: FoxgloveClient, topic: str) -> int:
-    """Time of the newest message after T0 [ns]; -1 without one."""
+    """Time of the newest message after T_NS [ns]; -1 without one."""
     newest = client.newest(topic)
-    return newest.log_ns - T0_NS if newest else -1
+    return newest.log_ns - T_NS if newest else -1
 
 
 async def test_every_output_comes_with_its_schema(sink: FoxgloveSink, port: int) -> None:
-    sent = [of_output(solution()), of_output(glide_slope()), of_event("low"), of_alarms()]
+    sent = [message(solution()), message(glide_slope()), event("low"), alarms()]
     sink.send(sent)
     async with Connection(port) as client:
         topics = {SOLUTION, GLIDE, LOCATION, "/nav/pose", "/nav/transform", "/nav/track", EVENT, "/alarms"}
@@ -79,10 +81,10 @@ async def test_every_output_comes_with_its_schema(sink: FoxgloveSink, port: int)
             schema = json.loads(channel["schema"])
             assert schema["title"] == channel["schemaName"]
             jsonschema.Draft7Validator.check_schema(schema)
-            for message in client.of(topic):
-                jsonschema.Draft7Validator(schema).validate(message.content)
+            for each in client.of(topic):
+                jsonschema.Draft7Validator(schema).validate(each.content)
         newest = client.newest(GLIDE)
-        assert newest and newest.log_ns == T0_NS
+        assert newest and newest.log_ns == T_NS
         assert newest.content == json.loads(sent[1].payload)
         log = client.newest(EVENT)
         assert log and (log.content["message"], log.content["level"]) == ("low", 3)
@@ -91,7 +93,7 @@ async def test_every_output_comes_with_its_schema(sink: FoxgloveSink, port: int)
 
 async def test_topics_and_schemas_are_those_of_files(sink: FoxgloveSink, port: int) -> None:
     """A field of a file is live too, with the same unit; live there is the age as well."""
-    sink.send([of_output(glide_slope()), of_output(solution()), of_event("x")])
+    sink.send([message(glide_slope()), message(solution()), event("x")])
     async with Connection(port) as client:
         await until_async(lambda: len(client.channels) >= 7, what="the channels")
         live, file = json.loads(client.channels[GLIDE]["schema"]), json.loads(schema_of(GlideSlope).data)
@@ -104,7 +106,7 @@ async def test_topics_and_schemas_are_those_of_files(sink: FoxgloveSink, port: i
 
 
 async def test_the_server_names_itself_and_accepts_nothing(sink: FoxgloveSink, port: int) -> None:
-    sink.send([of_output(glide_slope())])
+    sink.send([message(glide_slope())])
     async with Connection(port) as client:
         await sees(sink, client, GLIDE)
         assert client.info["name"] == "fti D-EFTI nominal"
@@ -118,7 +120,7 @@ async def test_the_server_names_itself_and_accepts_nothing(sink: FoxgloveSink, p
         assert {status["level"] for status in client.statuses} == {2}, client.statuses  # errors
         texts = " ".join(status["message"] for status in client.statuses)
         assert "clientPublish" in texts and "parameters" in texts
-        sink.send([of_output(glide_slope(T0_NS + 1))])
+        sink.send([message(glide_slope(T_NS + 1))])
         await until_async(lambda: newest_ns(client, GLIDE) == 1)
 
 
@@ -129,13 +131,13 @@ async def test_a_client_of_another_protocol_is_refused(sink: FoxgloveSink, port:
 
 
 async def test_no_position_while_it_is_invalid(sink: FoxgloveSink, port: int) -> None:
-    sink.send([of_output(solution())])
+    sink.send([message(solution())])
     async with Connection(port) as client:
         await sees(sink, client, LOCATION, SOLUTION)
-        sink.send([of_output(solution(T0_NS + 40, valid=False))])
-        sink.send([of_output(solution(T0_NS + 80), age_ms=600.0)])  # late, therefore invalid
+        sink.send([message(solution(T_NS + 40, valid=False))])
+        sink.send([message(solution(T_NS + 80), age_ms=600.0)])  # late, therefore invalid
         await until_async(lambda: newest_ns(client, SOLUTION) == 80, what="the late solution")
-        assert {message.log_ns for message in client.of(LOCATION)} == {T0_NS}
+        assert {each.log_ns for each in client.of(LOCATION)} == {T_NS}
     async with Connection(port) as client:  # and none for one that comes now
         await sees(sink, client, SOLUTION)
         await served(sink, lambda: len(client.channels) == 5 and client.of("/nav/track"))
@@ -144,29 +146,41 @@ async def test_no_position_while_it_is_invalid(sink: FoxgloveSink, port: int) ->
 
 async def test_an_output_that_ends_becomes_late(sink: FoxgloveSink, port: int) -> None:
     """Navigation that has died sends no invalid output; a panel would show its last valid one."""
-    sink.send([of_output(glide_slope()), of_output(solution())])
+    sink.send([message(glide_slope()), message(solution())])
     async with Connection(port) as client:
         await sees(sink, client, GLIDE)
         await served(sink, lambda: newest_ns(client, GLIDE) > 0, "a late output")
         newest = client.newest(GLIDE)
         assert newest and newest.content["late"] and not newest.content["valid"] and newest.content["dots"] == 0.1
-        assert newest.content["age_ms"] > 500.0 and newest.log_ns > T0_NS + 500_000_000
+        assert newest.content["age_ms"] > 500.0 and newest.log_ns > T_NS + 500_000_000
     async with Connection(port) as client:
         await sees(sink, client, GLIDE, SOLUTION)
-        assert {message.content["valid"] for message in client.of(GLIDE) + client.of(SOLUTION)} == {False}
+        assert {each.content["valid"] for each in client.of(GLIDE) + client.of(SOLUTION)} == {False}
         assert not client.of(LOCATION)
 
 
+async def test_what_has_waited_is_late_and_what_is_no_message_is_left_out(sink: FoxgloveSink, port: int) -> None:
+    """An output of the queue after a minute without a server is the newest one, but not valid."""
+    waited = message(solution(), received_s=time.monotonic() - 60.0)
+    sink.send([PublishedMessage(GLIDE, b'{"t_ns": "now"}', 1), PublishedMessage("/other", b"{}", 1), waited])
+    async with Connection(port) as client:
+        await sees(sink, client, SOLUTION)
+        newest = client.newest(SOLUTION)
+        assert newest and newest.content["late"] and not newest.content["valid"]
+        assert newest.content["age_ms"] == pytest.approx(60_020.0, abs=5_000.0)
+        assert client.channels.keys() == {SOLUTION}
+
+
 async def test_a_late_client_gets_the_newest_values_at_once_but_no_event_again(sink: FoxgloveSink, port: int) -> None:
-    sink.send([of_output(solution()), of_output(glide_slope()), of_event("once")])
+    sink.send([message(solution()), message(glide_slope()), event("once")])
     async with Connection(port) as first:
         await sees(sink, first, SOLUTION, GLIDE, LOCATION, "/nav/track")
-        sink.send([of_event("twice")])
+        sink.send([event("twice")])
         await until_async(lambda: first.of(EVENT))
         async with Connection(port) as second:
             await sees(sink, second, SOLUTION, GLIDE, LOCATION, "/nav/track")
             assert not second.of(EVENT)
-        assert [message.content["message"] for message in first.of(EVENT)] == ["twice"]
+        assert [each.content["message"] for each in first.of(EVENT)] == ["twice"]
 
 
 async def test_a_used_port_is_reported_and_used_as_soon_as_it_is_free(port: int) -> None:
@@ -179,14 +193,14 @@ async def test_a_used_port_is_reported_and_used_as_soon_as_it_is_free(port: int)
             sink.open()
         sink.close()
     sink.open()
-    sink.send([of_output(glide_slope())])
+    sink.send([message(glide_slope())])
     async with Connection(port) as client:
         await sees(sink, client, GLIDE)
     sink.close()
 
 
 async def test_a_server_that_is_started_again_serves_the_same_topics(sink: FoxgloveSink, port: int) -> None:
-    sink.send([of_output(glide_slope())])
+    sink.send([message(glide_slope())])
     async with Connection(port) as client:
         await sees(sink, client, GLIDE)
         sink.close()
@@ -200,23 +214,23 @@ async def test_a_server_that_is_started_again_serves_the_same_topics(sink: Foxgl
         return True
 
     until(opens, what="the port")
-    sink.send([of_output(glide_slope())])
+    sink.send([message(glide_slope())])
     async with Connection(port) as client:
         await sees(sink, client, GLIDE)
 
 
 async def test_a_hundred_clients_get_every_message(sink: FoxgloveSink, port: int) -> None:
-    sink.send([of_output(glide_slope())])
+    sink.send([message(glide_slope())])
     async with contextlib.AsyncExitStack() as stack:
         session = await stack.enter_async_context(aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)))
         clients = [await stack.enter_async_context(Connection(port, session)) for _ in range(100)]
         await until_async(lambda: sink.count_peers() == 100, what="all clients")
         for i in range(1, 51):
-            sink.send([of_output(glide_slope(T0_NS + i))])
+            sink.send([message(glide_slope(T_NS + i))])
             await asyncio.sleep(0.005)
         for client in clients:
             await until_async(lambda client=client: newest_ns(client, GLIDE) == 50)  # type: ignore[misc]
-            assert {message.log_ns - T0_NS for message in client.of(GLIDE)} >= set(range(1, 51))
+            assert {each.log_ns - T_NS for each in client.of(GLIDE)} >= set(range(1, 51))
 
 
 @contextlib.contextmanager
@@ -234,24 +248,24 @@ def client_program(port: int) -> Iterator[subprocess.Popen[str]]:
 async def test_a_stopped_client_delays_nobody(sink: FoxgloveSink, port: int) -> None:
     """It loses the oldest messages, the others none; what waits for it is bounded."""
     topic, text, count = EVENT, 4000 * "x", 5000  # more bytes than the buffers of the sockets
-    sink.send([of_event("first")])
+    sink.send([event("first")])
     with client_program(port) as stopped:
         assert stopped.stdout
         await until_async(lambda: sink.count_peers() == 1)
-        sink.send([of_event("second")])  # an event is not repeated
-        assert (await asyncio.to_thread(stopped.stdout.readline)).split() == [topic, str(T0_NS)]
+        sink.send([event("second")])  # an event is not repeated
+        assert (await asyncio.to_thread(stopped.stdout.readline)).split() == [topic, str(T_NS)]
         stopped.send_signal(signal.SIGSTOP)
         async with Connection(port) as client:
             await until_async(lambda: sink.count_peers() == 2)
             for i in range(count):
-                sink.send([of_event(text, T0_NS + i)])
+                sink.send([event(text, T_NS + i)])
                 if i % 20 == 0:
                     await asyncio.sleep(0.001)
             await until_async(lambda: newest_ns(client, topic) == count - 1)
-            assert [message.log_ns - T0_NS for message in client.of(topic)] == list(range(count))
+            assert [each.log_ns - T_NS for each in client.of(topic)] == list(range(count))
         stopped.send_signal(signal.SIGCONT)
         lines = [""]
-        while lines[-1] != f"{topic} {T0_NS + count - 1}":
+        while lines[-1] != f"{topic} {T_NS + count - 1}":
             lines.append((await asyncio.to_thread(stopped.stdout.readline)).strip())
             assert lines[-1], lines[-2]
         assert BACKLOG_MESSAGES <= len(lines) < count
@@ -259,7 +273,7 @@ async def test_a_stopped_client_delays_nobody(sink: FoxgloveSink, port: int) -> 
 
 async def test_a_client_that_floods_is_disconnected_and_delays_nobody(sink: FoxgloveSink, port: int) -> None:
     """It sends requests and does not read the errors."""
-    sink.send([of_output(glide_slope())])
+    sink.send([message(glide_slope())])
     async with Connection(port) as client, aiohttp.ClientSession() as session:
         await sees(sink, client, GLIDE)
         flood = await session.ws_connect(f"http://127.0.0.1:{port}", protocols=[SUBPROTOCOL])
@@ -269,6 +283,6 @@ async def test_a_client_that_floods_is_disconnected_and_delays_nobody(sink: Foxg
             while True:
                 await flood.send_str(wrong)
                 if (sent := sent + 1) % 100 == 0:
-                    sink.send([of_output(glide_slope(T0_NS + sent))])
+                    sink.send([message(glide_slope(T_NS + sent))])
                     await asyncio.sleep(0.0)
         await until_async(lambda: newest_ns(client, GLIDE) == sent // 100 * 100)

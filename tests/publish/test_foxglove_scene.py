@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from fti.logger.schemas import foxglove_schema
 from fti.publish.foxglove_scene import MAX_TRACK_POINTS, SCENE_SCHEMAS, Scene
-from tests.publish.bus_messages import T0_NS, solution
+from tests.publish.bus_messages import solution
+from tests.publish.solutions import LON_DEG, T_NS
 
 SECOND_NS = 1_000_000_000
 
@@ -34,7 +35,7 @@ def axes_of(messages: dict[str, Any]) -> np.ndarray[Any, Any]:
 
 
 def test_every_message_fits_its_schema() -> None:
-    messages = scene_of(solution(), solution(T0_NS + 3 * SECOND_NS, lat=0.9))
+    messages = scene_of(solution(), solution(T_NS + 3 * SECOND_NS, lat=0.9))
     assert messages.keys() == SCENE_SCHEMAS.keys()
     for topic, message in messages.items():
         jsonschema.validate(message, json.loads(foxglove_schema(SCENE_SCHEMAS[topic]).data))
@@ -45,7 +46,7 @@ def test_every_message_fits_its_schema() -> None:
 def test_a_fix_has_heading_and_velocity_east_north_up() -> None:
     fix = scene_of(solution())["/nav/location"]
     assert fix["heading"] == pytest.approx(math.pi / 2)
-    assert fix["velocity"] == {"x": 50.0, "y": 3.0, "z": 2.0}
+    assert fix["velocity"] == pytest.approx({"x": 50.0, "y": 86.60254, "z": 2.0})
     without = scene_of(solution(attitude_valid=False))["/nav/location"]
     assert "heading" not in without and "velocity" in without
 
@@ -66,7 +67,7 @@ def test_signs_of_the_attitude(attitude: dict[str, Any], forward: Any, left: Any
 
 
 def test_any_attitude_and_place_agree_with_pyproj_and_scipy() -> None:
-    """Far from the origin the axes of the map are not north and down there: 0.6 deg at 64 km."""
+    """Far from the origin the axes of the map are not north and down there: some degrees at 400 km."""
     first = solution()
     far = solution(lat=math.radians(52.8), lon=math.radians(11.0), alt=900.0, roll=-0.3, pitch=0.2, heading=4.0)
     messages = scene_of(first, far)
@@ -96,22 +97,25 @@ def test_any_attitude_and_place_agree_with_pyproj_and_scipy() -> None:
 
 
 def test_pose_needs_a_valid_attitude_and_all_a_valid_position() -> None:
-    assert scene_of(solution(), solution(T0_NS + 1, attitude_valid=False)).keys() == {"/nav/location"}
-    assert scene_of(solution(), solution(T0_NS + 1, valid=False)).keys() == set()
+    assert scene_of(solution(), solution(T_NS + 1, attitude_valid=False)).keys() == {"/nav/location"}
+    assert scene_of(solution(), solution(T_NS + 1, valid=False)).keys() == set()
 
 
 def test_a_track_has_a_gap_where_the_position_was_invalid() -> None:
-    flight = [solution(T0_NS + i * SECOND_NS, lat=0.9 + i * 1e-4, valid=not 4 <= i < 7) for i in range(11)]
+    flight = [solution(T_NS + i * SECOND_NS, lat=0.9 + i * 1e-4, valid=not 4 <= i < 7) for i in range(11)]
     geometry = json.loads(scene_of(*flight)["/nav/track"]["geojson"])["geometry"]
     assert geometry["type"] == "MultiLineString"
     assert [len(line) for line in geometry["coordinates"]] == [4, 4]
-    assert geometry["coordinates"][0][1] == [10.5, pytest.approx(math.degrees(0.9001), abs=1e-6)]
+    assert geometry["coordinates"][0][1] == [
+        pytest.approx(LON_DEG, abs=1e-6),
+        pytest.approx(math.degrees(0.9001), abs=1e-6),
+    ]
 
 
 def test_a_long_track_keeps_its_begin_and_stays_short() -> None:
     scene, longest = Scene(), 0
     for i in range(5000):
-        messages = dict(scene.messages(solution(T0_NS + i * SECOND_NS, lat=0.9 + i * 1e-6)))
+        messages = dict(scene.messages(solution(T_NS + i * SECOND_NS, lat=0.9 + i * 1e-6)))
         if "/nav/track" in messages:
             (line,) = json.loads(messages["/nav/track"]["geojson"])["geometry"]["coordinates"] or [[]]
             longest = max(longest, len(line))

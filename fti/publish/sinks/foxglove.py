@@ -32,7 +32,7 @@ from fti.messages.tables import from_table
 from fti.messages.topics import BUS_EVENT, EVENT_TOPIC, measurement_topic
 from fti.publish.foxglove_scene import PRESENT_TOPICS, SCENE_SCHEMAS, Scene
 from fti.publish.foxglove_topics import live_topic
-from fti.publish.message import PublishedMessage, SessionIdentity
+from fti.publish.message import MAX_AGE_MS, PublishedMessage, SessionIdentity
 from fti.publish.sink import SinkError
 
 HOST = "127.0.0.1"
@@ -78,8 +78,11 @@ class FoxgloveSink:
         """See ``Sink``."""
         for message in messages:
             with suppress(MessageError):  # of another version
-                self._send_one(message.topic, message.payload)
-        self._send_late_outputs()
+                self._send_one(message)
+        now_s = time.monotonic()
+        for topic, output in self._outputs.items():  # a panel would show the last valid value for ever
+            if output.has_become_late(now_s):
+                self._send_output(topic, output)
         for topic in self._subscribers.take_requested():
             self._channels.repeat(topic)
 
@@ -94,54 +97,61 @@ class FoxgloveSink:
             self._server = None
         self._channels.close()
 
-    def _send_one(self, topic: str, payload: bytes) -> None:
-        live = live_topic(topic)
+    def _send_one(self, message: PublishedMessage) -> None:
+        topic, live = message.topic, live_topic(message.topic)
         if live is None:
             return
-        fields = decode(topic, payload)
+        fields = decode(topic, message.payload)
         t_ns = fields.get("t_ns", self._newest_ns)
         self._newest_ns = max(self._newest_ns, t_ns)
         if topic == BUS_EVENT:
             self._channels.log(EVENT_TOPIC, live.schema, encode_note(EVENT_TOPIC, fields), t_ns, keep=False)
-            return
-        self._channels.log(live.name, live.schema, payload, t_ns)
-        if fields.keys() >= AGE_FIELDS:
-            self._outputs[topic] = _Output(fields, t_ns, time.monotonic() - fields["age_ms"] / MS_PER_S)
-        if topic == SOLUTION:
-            self._send_scene(fields, t_ns)
+        elif fields.keys() >= AGE_FIELDS:
+            begin_s = message.received_s - fields["age_ms"] / MS_PER_S
+            output = self._outputs[topic] = _Output(fields, message.payload, t_ns, begin_s)
+            output.has_become_late(time.monotonic())  # it may have waited for a connection
+            self._send_output(topic, output)
+        else:
+            self._channels.log(live.name, live.schema, message.payload, t_ns)
 
-    def _send_scene(self, fields: dict[str, Any], t_ns: int) -> None:
-        solution = from_table(NavSolution, {name: fields[name] for name in fields if name not in AGE_FIELDS})
-        sent = dict(self._scene.messages(solution))
+    def _send_output(self, topic: str, output: _Output) -> None:
+        live = live_topic(topic)
+        assert live is not None
+        self._channels.log(live.name, live.schema, output.payload, output.log_ns)
+        if topic == SOLUTION:
+            self._send_scene(output)
+
+    def _send_scene(self, output: _Output) -> None:
+        known = {name: value for name, value in output.fields.items() if name not in AGE_FIELDS}
+        sent = dict(self._scene.messages(from_table(NavSolution, known)))
         for topic, content in sent.items():
-            self._channels.log(topic, foxglove_schema(SCENE_SCHEMAS[topic]), encode(content), t_ns)
+            self._channels.log(topic, foxglove_schema(SCENE_SCHEMAS[topic]), encode(content), output.log_ns)
         for topic in PRESENT_TOPICS:
             if topic not in sent:
                 self._channels.forget(topic)
 
-    def _send_late_outputs(self) -> None:
-        """Send outputs once more that have become late; a panel would show the last valid value for ever."""
-        now_s = time.monotonic()
-        for topic, output in self._outputs.items():
-            age_ms = (now_s - output.begin_s) * MS_PER_S
-            if output.fields["late"] or age_ms <= output.fields["max_age_ms"]:
-                continue
-            output.fields.update(age_ms=round(age_ms, 3), late=True, valid=False)
-            t_ns = output.t_ns + round(age_ms * NS_PER_MS)
-            live = live_topic(topic)
-            assert live is not None
-            self._channels.log(live.name, live.schema, encode(output.fields), t_ns)
-            if topic == SOLUTION:
-                self._send_scene(output.fields, t_ns)
-
 
 @dataclass(slots=True)
 class _Output:
-    """The newest message of an output.  begin_s : its time (``time.monotonic``) [s]"""
+    """The newest message of an output.
+
+    log_ns : its time; since it is late, the time at which it became so;  begin_s : its time (``time.monotonic``) [s]
+    """
 
     fields: dict[str, Any]
-    t_ns: int
+    payload: bytes
+    log_ns: int
     begin_s: float
+
+    def has_become_late(self, now_s: float) -> bool:
+        """Is it late at now_s [s], and was it not before?  Then its fields state that, and it is not valid."""
+        age_ms = min((now_s - self.begin_s) * MS_PER_S, MAX_AGE_MS)
+        if self.fields["late"] or age_ms <= self.fields["max_age_ms"]:
+            return False
+        self.fields.update(age_ms=round(age_ms, 3), late=True, valid=False)
+        self.payload = encode(self.fields)
+        self.log_ns += round(age_ms * NS_PER_MS)
+        return True
 
 
 class LiveChannels:
