@@ -19,6 +19,10 @@ def in_title(name: str) -> str:
     return name.upper().replace("_", " ")
 
 
+#: Conditions of a start, which are not latched.
+START_CONDITIONS = frozenset({"navigation_starting", "terrain_loading"})
+
+
 class Severity(StrEnum):
     """Required reaction: immediate action; immediate awareness and later action; awareness."""
 

@@ -20,7 +20,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "record and navigate": ("run",),
     "during the flight": ("watch", "page", "mark", "acknowledge", "readmit", "send"),
     "after the flight": ("info", "verify", "recover", "pack", "sync", "latency", "export", "reprocess"),
-    "laboratory": ("hil", "score", "replay", "compare"),
+    "laboratory": ("hil", "score", "replay", "publish", "compare"),
     "terrain, references, studies": ("terrain", "reference", "study"),
     "shell": ("completion",),
 }
