@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     if config.publish is None:
         raise ConfigError(f"{args.config}: publish: is missing; fti publish needs [publish] with at least one sink")
     if not any(table for name, table in config.publish if name != "aircraft"):
-        raise ConfigError(f"{args.config}: publish: has no sink; fti publish needs at least one, such as [publish.mqtt]")
+        raise ConfigError(f"{args.config}: publish: has no sink; fti publish needs at least one: [publish.mqtt] ...")
     recording = Recording.open(Path(args.session))
     report_remarks(recording)
     if not recording.paths("derived"):
