@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.hil.sensors.errors import flicker_noise
 from fti.nav.inertial.ins_error_model import (
+    FLICKER_MATCH,
+    HEADING_S,
     IMU_ERROR_MODELS,
     MANOEUVRE_S,
     ImuErrorModel,
@@ -86,6 +89,41 @@ def test_the_grades_are_those_of_the_emulated_units() -> None:
 
     for name, unit in IMU_ERROR_MODELS.items():
         for known, drawn in ((unit.accel, GRADES[name].accel), (unit.gyro, GRADES[name].gyro)):  # type: ignore[index]
+            assert known.in_run == pytest.approx(drawn.in_run, rel=1e-6)
             assert known.white == pytest.approx(drawn.white, rel=1e-6)
             assert known.bias_sd >= 0.99 * np.hypot(drawn.turn_on, drawn.in_run)
             assert known.scale >= 0.95 * np.hypot(drawn.scale, drawn.misalignment)
+        gyro, drawn = unit.gyro, GRADES[name].gyro  # type: ignore[index]
+        assert gyro.factor == pytest.approx(np.hypot(drawn.scale, drawn.skew), rel=0.05)
+        assert gyro.alignment == pytest.approx(drawn.misalignment, rel=0.05)
+
+
+def test_a_constant_bias_with_flicker_noise_is_what_an_emulated_gyro_has() -> None:
+    """Heading of a gyro at rest without its mean over 150 s: error over the sigma of white noise and walk, 50 to 500 s.
+
+    The oracle is the noise of the emulated unit.  The ratio of 400 draws has a sigma of 3.5 %.  The change within
+    an hour that the model for flights with fixes has is more than ten times as large.
+    """
+    rate, known_s = 0.25, 150.0
+    t = np.arange(0.0, known_s + 500.0, rate)
+    errors = np.array([flicker_noise(t, 1.0, np.random.default_rng(seed)) for seed in range(400)])
+    first = round(known_s / rate)
+    headings = np.cumsum(errors[:, first:] - errors[:, :first].mean(axis=1, keepdims=True), axis=1) * rate
+    model = TriadErrorModel(1e-9, 1e3, in_run=1.0).with_constant_bias(HEADING_S)
+    walk = 2.0 * model.bias_sd**2 / model.period_s
+    for after in (50.0, 100.0, 200.0, 350.0, 500.0):
+        # white noise and walk after the time, and those of the mean before it
+        variance = model.white**2 * (after + after**2 / known_s) + walk * (after**3 + after**2 * known_s) / 3.0
+        found = float(np.sqrt(np.mean(headings[:, round(after / rate) - 1] ** 2)))
+        assert 0.85 < found / np.sqrt(variance) < 1.15, after
+        hour = TriadErrorModel(1e-9, 1e3)
+        assert 2.0 * hour.bias_sd**2 / hour.period_s * after**3 / 3.0 > 100.0 * found**2
+
+
+def test_white_noise_and_walk_have_their_lowest_allan_deviation_at_the_time_for_which_a_bias_acts() -> None:
+    model = TriadErrorModel(1e-9, 1e3, in_run=0.3).with_constant_bias(80.0)
+    tau = np.geomspace(1.0, 1e4, 2001)
+    deviation = np.sqrt(model.white**2 / tau + 2.0 * model.bias_sd**2 / model.period_s * tau / 3.0)
+    assert deviation.min() == pytest.approx(0.3 * np.sqrt(FLICKER_MATCH), rel=1e-4)
+    assert tau[deviation.argmin()] == pytest.approx(80.0, rel=0.01)
+    assert TriadErrorModel(0.1, 1.0).with_constant_bias(80.0) == TriadErrorModel(0.1, 1.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -48,6 +48,10 @@ class Extra(StrEnum):
     MAP_NORTH = "map_north"
     MAP_EAST = "map_east"
 
+
+#: Scale factors (xx, yy, zz) and alignment of the gyros: share of the rate about the second axis that the first one
+#: measures in excess.
+GYRO_MATRIX = tuple(f"gyro_{measured}{rate}" for measured in "xyz" for rate in "xyz")
 
 #: Names of the states of a look begin and its first one ends so.
 LOOK, FIRST = "look", ".position_x"
@@ -181,5 +185,19 @@ class FilterModel:
 
     @functools.cached_property
     def drifts(self) -> Array:
-        """For the kernels, shape (k, 3): sd [m], 1 / period [1/s], 1 / length [1/m]."""
-        return np.array([[d.sd, 1.0 / d.period_s, 1.0 / d.length_m] for d in self.extras.values()]).reshape(-1, 3)
+        """For the kernels, shape (k, 4): sd [m], 1 / period [1/s], 1 / length [1/m]; number in
+        ``GYRO_MATRIX``, -1 for others.
+        """
+        elements = {name: number for number, name in enumerate(GYRO_MATRIX)}
+        rows = [[d.sd, 1.0 / d.period_s, 1.0 / d.length_m, elements.get(name, -1)] for name, d in self.extras.items()]
+        return np.array(rows).reshape(-1, 4)
+
+
+def outage_model(unit: ImuErrorModel, extras: Mapping[str, Drift], *, biased: bool = True) -> FilterModel:
+    """A filter for minutes without fixes: constant biases with flicker noise; states for scale and alignment of gyros.
+
+    Turns in one direction add up their errors, which noise does not.  Raises ValueError for a unit without them.
+    """
+    factor, alignment = Drift(unit.gyro.factor), Drift(unit.gyro.alignment)
+    matrix = {name: factor if name[-1] == name[-2] else alignment for name in GYRO_MATRIX}
+    return FilterModel(unit.for_outages(), biased, {**extras, **matrix})

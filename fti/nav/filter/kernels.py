@@ -44,10 +44,10 @@ def step(  # noqa: PLR0917
     P      : ndarray, shape (n, n)        n = 9 + k or 15 + k
     imu_start, imu_end, bend : shape (6,) accel_b, gyro_b measured at the start and end; their second derivatives
     unit   : ndarray, shape (2, 4)        ``ImuErrorModel.table``
-    drifts : ndarray, shape (k, 3)        ``FilterModel.drifts``
+    drifts : ndarray, shape (k, 4)        ``FilterModel.drifts``
     seconds : > 0 [s]
     """
-    first, last = imu_start - y[ACCEL_BIAS:EXTRAS], imu_end - y[ACCEL_BIAS:EXTRAS]
+    first, last = _without_errors(y, imu_start, drifts), _without_errors(y, imu_end, drifts)
     middle = 0.5 * (first + last)
     before = matrix(y)
     biased = len(P) - len(drifts) == BIASED
@@ -62,6 +62,7 @@ def step(  # noqa: PLR0917
     speed = np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2)
     _add_heading_noise(P, force_e, down_e, seconds)
     _spread(P, phi)
+    _spread_gyro_matrix(P, mat_eb, middle[3:6], drifts, seconds)
     for i in range(3):
         P[VEL + i, VEL + i] += accel * seconds
         P[TURN + i, TURN + i] += gyro * seconds
@@ -90,7 +91,7 @@ def coast(  # noqa: PLR0917
     total, accel, gyro, distance = 0.0, 0.0, 0.0, 0.0
     force_e, mean_eb = np.zeros(3), np.zeros((3, 3))
     for m in range(len(seconds)):
-        first, last = imu_start[m] - y[ACCEL_BIAS:EXTRAS], imu_end[m] - y[ACCEL_BIAS:EXTRAS]
+        first, last = _without_errors(y, imu_start[m], drifts), _without_errors(y, imu_end[m], drifts)
         middle = 0.5 * (first + last)
         before = matrix(y)
         move(y, first, last, bends[m], seconds[m])
@@ -104,6 +105,7 @@ def coast(  # noqa: PLR0917
         gyro += more_gyro * seconds[m]
         distance += np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2) * seconds[m]
         total += seconds[m]
+        _spread_gyro_matrix(P, mat_eb, middle[3:6], drifts, seconds[m])
         _add_shock_noise(P, imu_start[m], imu_end[m], seconds[m])
     down_e = -y[0:3] / np.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2)
     _add_heading_noise(P, force_e / total, down_e, total)
@@ -199,6 +201,33 @@ def _add_heading_noise(P: Array, force_e: Array, down_e: Array, seconds: float) 
     for i in range(3):
         for j in range(3):
             P[VEL + i, VEL + j] += along * level[i] * level[j] + across * aside[i] * aside[j]
+
+
+@kernel
+def _without_errors(y: Array, imu: Array, drifts: Array) -> Array:
+    """Inertial samples (6,) without their estimated biases, and without scale and alignment errors that are states."""
+    result = imu - y[ACCEL_BIAS:EXTRAS]
+    rate = result[3:6].copy()
+    for i in range(len(drifts)):
+        element = int(drifts[i, 3])
+        if element >= 0:
+            result[3 + element // 3] -= y[EXTRAS + i] * rate[element % 3]
+    return result
+
+
+@kernel
+def _spread_gyro_matrix(P: Array, mat_eb: Array, rate_b: Array, drifts: Array, seconds: float) -> None:
+    """The turn by scale and alignment errors that are states, in a step: d(psi) = -mat_eb (gyro matrix) rate_b dt."""
+    for i in range(len(drifts)):
+        element, row = int(drifts[i, 3]), len(P) - len(drifts) + i
+        if element < 0:
+            continue
+        for k in range(3):
+            share = -mat_eb[k, element // 3] * rate_b[element % 3] * seconds
+            for j in range(len(P)):
+                P[TURN + k, j] += share * P[row, j]
+            for j in range(len(P)):
+                P[j, TURN + k] += share * P[j, row]
 
 
 @kernel
