@@ -88,14 +88,16 @@ def _compare(estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage) -> 
     if len(second):
         middle_e = middle_e + frame.mat_le.T @ np.mean(second.points_l, axis=0)
     expected_e, sd = _expected_drift(estimate, earlier.mark, later.mark, middle_e)
-    expected_l = frame.mat_le @ expected_e
-    drift = register(first, second.moved(-expected_l), sd)
+    expected_l, turn_l = frame.mat_le @ expected_e, frame.mat_le @ earlier.mark.states_of(estimate)[3:]
+    middle_l = frame.mat_le @ (middle_e - frame.origin_e)
+    drift = register(first, second.moved(-expected_l - np.cross(turn_l, second.points_l - middle_l)), sd)
     if not len(drift.drift):
         return drift, None
-    drift = replace(drift, drift=drift.drift + drift.axes_l @ expected_l)
+    at_centre_l = expected_l + np.cross(turn_l, drift.centre_l - middle_l)
+    drift = replace(drift, drift=drift.drift + drift.axes_l @ at_centre_l)
     centre_e = frame.origin_e + frame.mat_le.T @ drift.centre_l
     axes_e = drift.axes_l @ frame.mat_le
-    return drift, LookDrift(earlier.mark, later.mark, centre_e, axes_e, drift.drift, drift.cov)
+    return drift, LookDrift(earlier.mark, later.mark, centre_e, axes_e, drift.drift, drift.cov, drift.roughness)
 
 
 def _place(placed: _PlacedImage, frame: LocalFrame, now_ns: int) -> Look:

@@ -21,6 +21,7 @@ Sources: Spiegel 2018, section 5.3; Huber 1981 (M-estimates); Cameron, Miller 20
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -28,7 +29,7 @@ import numpy as np
 
 from fti.arrays import Array, Mask
 from fti.nav.scan_matching.look import Look
-from fti.nav.scan_matching.plane_lattice import TIME, fit_planes, frame_around, surfaces_at
+from fti.nav.scan_matching.plane_lattice import TIME, VARIANCE, fit_planes, frame_around, surfaces_at
 from fti.nav.scan_matching.residuals import add_scores
 from fti.nav.scan_matching.shift_search import find_shifts, height_offset
 
@@ -79,6 +80,7 @@ class ScanDrift:
     t, interval : mean time of the two looks, and the mean time to overlap (eq. 5.7) [s]; NaN without residuals
     centre_l : ndarray, shape (3,) [m]  middle of the points that have a residual; NaN without residuals
     overlap : share of the points of both looks that have a residual
+    roughness : RMS distance of points from planes through their neighbours, beyond the noise [m]; 0 without residuals
     refusals : reasons of directions that are not measured
     """
 
@@ -89,6 +91,7 @@ class ScanDrift:
     interval: float
     centre_l: Array
     overlap: float
+    roughness: float
     refusals: tuple[Refusal, ...]
 
 
@@ -144,6 +147,12 @@ class _Pair:
         known = later[np.isfinite(later)]
         return float(known.mean()) if len(known) else np.nan
 
+    def roughness(self) -> float:
+        """RMS distance of points from the planes, beyond the noise of the ranges [m], where both looks have planes."""
+        both = np.stack(self.planes)[:, np.isfinite(self.planes[0][..., TIME] + self.planes[1][..., TIME])]
+        noise = np.mean([look.range_sd**2 for look in self.looks])
+        return math.sqrt(max(float(both[..., VARIANCE].mean() - noise), 0.0))
+
 
 def register(
     first: Look, second: Look, expected_sd: float, *, step: float | None = None, changing: bool = False
@@ -191,7 +200,8 @@ class _RefusalError(Exception):
 
 def _refused(reason: Refusal, first: Look, second: Look) -> ScanDrift:
     t = float(np.concatenate((first.t, second.t)).mean()) if len(first) + len(second) else np.nan
-    return ScanDrift(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 0)), t, np.nan, np.full(3, np.nan), 0.0, (reason,))
+    empty = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 0))
+    return ScanDrift(*empty, t, np.nan, np.full(3, np.nan), 0.0, 0.0, (reason,))
 
 
 def _refine(pair: _Pair, shift: Array) -> tuple[_Sums, Array, Array]:
@@ -263,6 +273,7 @@ def _result(pair: _Pair, sums: _Sums, axes: Array, shift: Array, expected_sd: fl
         pair.interval(),
         centre,
         float(seen.mean()),
+        pair.roughness(),
         refusals,
     )
 

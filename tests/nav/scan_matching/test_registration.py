@@ -93,6 +93,17 @@ def test_time_and_overlap_are_those_of_the_looks() -> None:
     assert found.overlap == pytest.approx((1 - 60 / 330) * (1 - 20 / 330), abs=0.08)
 
 
+def test_the_roughness_is_that_of_the_points_without_their_noise() -> None:
+    """Level ground has none; waves of 1 m that are shorter than the step have their RMS, 0.87 m."""
+
+    def waves(east: Array, north: Array) -> Array:
+        return hills(east, north) + np.sin(2.1 * east) * np.sin(1.7 * north) + np.sin(1.3 * east + 2.6 * north)
+
+    assert drift_of(flat, (0.0, 0.0, 0.0), 4).roughness < 0.03
+    short, long = (drift_of(surface, (0.0, 0.0, 0.0), 4).roughness for surface in (waves, hills))
+    assert np.sqrt(short**2 - long**2) == pytest.approx(np.sqrt(0.25 + 0.5), rel=0.2)
+
+
 def test_level_ground_gives_the_height_only() -> None:
     found = drift_of(flat, (0.5, 0.3, 0.7), 3, sd=0.2)
     assert found.axes_l.tolist() == [[0.0, 0.0, 1.0]]
