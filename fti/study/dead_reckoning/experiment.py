@@ -16,7 +16,7 @@ from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, GradeName
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity
-from fti.nav.filter.error_states import BARO_DRIFT, BARO_SCALE_DRIFT, GNSS_DRIFTS, Extra, FilterModel
+from fti.nav.filter.error_states import BARO_DRIFT, BARO_SCALE_DRIFT, GNSS_DRIFTS, Extra, outage_model
 from fti.nav.filter.estimate import InitialState
 from fti.nav.filter.look_mark import look_drifts
 from fti.nav.filter.navigator import InertialNavigator
@@ -165,7 +165,7 @@ class _Run:
         extras = {**GNSS_DRIFTS, Extra.BARO: BARO_DRIFT, Extra.BARO_SCALE: BARO_SCALE_DRIFT}
         if aid != "none":
             extras |= look_drifts(self.pairs.slots)
-        self.navigator = InertialNavigator(FilterModel(unit=IMU_ERROR_MODELS[unit], extras=extras))
+        self.navigator = InertialNavigator(outage_model(IMU_ERROR_MODELS[unit], extras))
         self.counts: Counter[str] = Counter()
         self._rows: list[tuple[float, ...]] = []
         self._pair_sds: list[float] = []
