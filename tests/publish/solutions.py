@@ -61,6 +61,11 @@ def message(output: Output, *, age_ms: float = 20.0, received_s: float | None = 
     return PublishedMessage(output_topic(output), payload, 1, time.monotonic() if received_s is None else received_s)
 
 
+def late(published: PublishedMessage) -> PublishedMessage:
+    """The same message, which states that it is late, and no more."""
+    return published._replace(payload=published.payload.replace(b'"late":false', b'"late":true'))
+
+
 def json_field(published: PublishedMessage, name: str) -> object:
     """A field of the payload; None if there is no such thing."""
     try:

@@ -39,6 +39,7 @@ from tests.publish.solutions import (
     arbitrary_messages,
     invalid_solution,
     json_field,
+    late,
     message,
     solution,
 )
@@ -181,12 +182,13 @@ def test_a_valid_solution() -> None:
     "published",
     [
         message(invalid_solution()),
+        late(message(solution())),
         message(solution(), age_ms=600.0),
         message(solution(), received_s=time.monotonic() - 600.0),
         message(solution(attitude_valid=False, lon=None)),
         message(solution())._replace(payload=b"[]"),
     ],
-    ids=["invalid", "late", "waited", "without-longitude", "not-a-table"],
+    ids=["invalid", "stated-late", "late", "waited", "without-longitude", "not-a-table"],
 )
 def test_what_is_not_valid_is_coded_as_invalid(published: PublishedMessage) -> None:
     assert_invalid(values(published))

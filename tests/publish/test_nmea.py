@@ -38,6 +38,7 @@ from tests.publish.solutions import (
     arbitrary_messages,
     invalid_solution,
     json_field,
+    late,
     message,
     solution,
 )
@@ -93,6 +94,7 @@ def test_an_angle_of_a_full_turn_is_0(degrees: float) -> None:
     "published",
     [
         message(invalid_solution()),
+        late(message(solution())),
         message(solution(), age_ms=600.0),  # late on the bus
         message(solution(), received_s=time.monotonic() - 600.0),  # waited in the queue
         message(solution(lat=None)),
@@ -101,7 +103,17 @@ def test_an_angle_of_a_full_turn_is_0(degrees: float) -> None:
         message(solution())._replace(payload=b"{}"),
         message(solution())._replace(payload=b"not JSON"),
     ],
-    ids=["invalid", "late", "waited", "without-latitude", "latitude-114", "longitude-nan", "empty", "not-json"],
+    ids=[
+        "invalid",
+        "stated-late",
+        "late",
+        "waited",
+        "without-latitude",
+        "latitude-114",
+        "longitude-nan",
+        "empty",
+        "not-json",
+    ],
 )
 def test_a_position_that_is_not_valid_is_never_sent(published: PublishedMessage) -> None:
     assert_no_position(encoded(published))

@@ -39,6 +39,11 @@ def clients_after_line(server: TcpServer) -> int:
     return server.count_clients()
 
 
+def count_clients(server: TcpServer) -> int:
+    server.send()
+    return server.count_clients()
+
+
 def reachable_after_line(sender: UdpSender) -> int:
     sender.send(LINE)
     return sender.count_reachable()
@@ -85,6 +90,14 @@ def test_a_client_that_does_not_read_is_dropped_and_the_others_stay(server: tupl
         assert reader.recv(100)
 
 
+def test_a_client_that_has_got_a_part_of_a_line_is_dropped(server: tuple[TcpServer, int]) -> None:
+    found, port = server
+    with connect(port):
+        until(lambda: count_clients(found) == 1)
+        found.send(bytes(50_000_000))
+        assert found.count_clients() == 0
+
+
 def test_a_flood_of_a_client_is_bounded_and_discarded(server: tuple[TcpServer, int]) -> None:
     found, port = server
     with connect(port) as flooder, connect(port) as reader:
@@ -103,10 +116,11 @@ def test_a_flood_of_a_client_is_bounded_and_discarded(server: tuple[TcpServer, i
 
 def test_clients_that_leave_are_forgotten(server: tuple[TcpServer, int]) -> None:
     found, port = server
-    with connect(port):
+    with connect(port) as client:
         found.send(LINE)
         assert found.count_clients() == 1
-    until(lambda: clients_after_line(found) == 0)
+        assert client.recv(100) == LINE
+    until(lambda: count_clients(found) == 0)
 
 
 def test_a_port_in_use_is_named(server: tuple[TcpServer, int]) -> None:
@@ -131,6 +145,19 @@ def test_a_receiver_that_is_not_there_is_no_error_and_comes_later() -> None:
             sender.send(LINE)
             assert receiver.recv(100) == LINE
             until(lambda: reachable_after_line(sender) == 1)
+
+
+def test_the_first_datagram_after_a_refused_one_arrives() -> None:
+    """The kernel reports the refusal instead of sending it."""
+    port = free_udp_port()
+    with closing(UdpSender((f"127.0.0.1:{port}",), "publish.x.udp")) as sender:
+        sender.open()
+        sender.send(b"refused")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+            receiver.bind(("127.0.0.1", port))
+            receiver.settimeout(5.0)
+            sender.send(LINE)
+            assert receiver.recv(100) == LINE
 
 
 def test_what_a_receiver_sends_back_is_never_read() -> None:
