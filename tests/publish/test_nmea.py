@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
-import shutil
 import socket
-import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -28,6 +25,7 @@ from fti.publish.nmea_sentences import ENCODERS, encode
 from fti.publish.sinks.nmea import NmeaSink
 from tests.e2e.harness import free_udp_port
 from tests.helpers import until
+from tests.publish.gpsd import served_by_gpsd
 from tests.publish.solutions import (
     ALT_M,
     HEADING_DEG,
@@ -45,7 +43,6 @@ from tests.publish.solutions import (
 
 ALL = tuple(ENCODERS)
 SEA = MeanSeaLevel()
-GPSD = shutil.which("gpsd", path="/usr/sbin:/usr/bin:/sbin:/bin")
 
 
 def encoded(published: PublishedMessage) -> bytes:
@@ -153,31 +150,6 @@ def test_no_message_that_is_not_valid_gives_a_position(published: PublishedMessa
 
 
 # ------------------------------------------------------------------------------------------------------------ gpsd
-
-
-@contextmanager
-def served_by_gpsd(port: int) -> Iterator[Callable[[], dict[str, Any]]]:
-    """gpsd as a client of our server; gives the next report."""
-    if GPSD is None:
-        pytest.skip("gpsd (Debian: gpsd) is not installed")
-    own = free_udp_port()
-    command = [GPSD, "-N", "-n", "-b", "-S", str(own), f"tcp://127.0.0.1:{port}"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        try:
-            with until(lambda: connected(own), what="gpsd") as client, client.makefile("rw") as talk:
-                talk.write('?WATCH={"enable":true,"json":true};\n')
-                talk.flush()
-                client.settimeout(20.0)
-                yield lambda: json.loads(talk.readline())
-        finally:
-            process.terminate()
-
-
-def connected(port: int) -> socket.socket | None:
-    try:
-        return socket.create_connection(("127.0.0.1", port), timeout=5.0)
-    except OSError:
-        return None
 
 
 def feed(sink: NmeaSink, make: Callable[[], list[PublishedMessage]], stop: Callable[[], bool]) -> None:
