@@ -85,6 +85,12 @@ _DEVICE: Table = {
     "skipped?": COUNTS,
     "clocks?": [_CLOCK],
 }
+_SINK: Table = {
+    "state": TEXT,
+    "hint": TEXT,
+    "peers": frozenset({int, NULL}),
+    **dict.fromkeys(("connects", "sent", "replaced", "skipped", "waiting_events", "lost_events"), WHOLE),
+}
 HEALTH: Table = {
     "t_ns": WHOLE,
     "session": {"name": TEXT, "origin?": TEXT, "mode?": TEXT, "state": TEXT, "started_ns?": WHOLE},
@@ -102,6 +108,7 @@ HEALTH: Table = {
         "ring_lost_frames?": WHOLE,
         "last_seq?": WHOLE,
     },
+    "sinks?": {"*": _SINK},
 }
 
 _ALARM: Table = {

@@ -11,6 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from fti.cli._watch_sinks import sinks_table
 from fti.constants import SECOND_NS
 from fti.terminal_text import escape_tree
 from fti.web.live_state import CONTINUOUS, describe_mode
@@ -54,10 +55,11 @@ INTEGRITY_STYLES = {
 
 
 def render(state: Fields) -> RenderableType:
-    """Banner, alarms, emulator, outputs, links, and device clocks."""
+    """Banner, alarms, emulator, outputs, links, device clocks, and sinks."""
     state = escape_tree(state)
     health = state["health"] or {}
-    tables = (_outputs(state["outputs"]), _links(health.get("links", {})), *_clocks(health.get("devices", {})))
+    clocks, sinks = _clocks(health.get("devices", {})), sinks_table(health.get("sinks", {}))
+    tables = (_outputs(state["outputs"]), _links(health.get("links", {})), *clocks, *sinks)
     return Group(_banner(health), *_alarms(state["alarms"]), *_laboratory(state["hil"]), *tables)
 
 

@@ -19,7 +19,7 @@ from fti.cli._watch_view import render
 from fti.messages.outputs import ClearanceIntegrity, Event, HeightAboveGround, IntegrityState
 from fti.messages.reasons import Reason
 from fti.web.live_state import LiveState
-from tests.web.fake_daemon import Approach, make_health, make_laboratory
+from tests.web.fake_daemon import Approach, make_health, make_laboratory, make_sinks
 
 MAX_AGE_MS = 200.0
 
@@ -73,7 +73,7 @@ def test_integrity_keeps_every_field() -> None:
 HEIGHT = "/nav/height_above_ground/ra"
 TOPICS = {
     **{topic: asdict(output) for topic, output in Approach().outputs(20.0, 20_000_000_000).items()},
-    "/health": make_health(20.0, 20_000_000_000, 0),
+    "/health": {**make_health(20.0, 20_000_000_000, 0), "sinks": make_sinks()},
     "/hil": make_laboratory(20.0),
     "/event": asdict(Event(t_ns=1, level="info", source="test", text="it goes")),
 }
@@ -117,6 +117,12 @@ def test_messages_of_the_daemon_are_accepted_unchanged(topic: str) -> None:
 def test_what_no_display_could_show_is_refused_with_the_reason(fields: bytes, why: str) -> None:
     good = message.encode_with_age(make_height(), 0, 0, MAX_AGE_MS)
     assert why in refusal(HEIGHT, good[:-1] + b"," + fields + b"}")
+
+
+def test_a_sink_that_no_display_could_show_is_refused() -> None:
+    health, sinks = make_health(20.0, 20_000_000_000, 0), make_sinks()
+    sinks["mqtt"]["lost_events"] = None
+    assert refusal("/health", message.encode({**health, "sinks": sinks})).startswith("sinks.mqtt.lost_events is null")
 
 
 def test_a_field_that_is_missing_is_named_unless_it_came_with_a_later_version() -> None:

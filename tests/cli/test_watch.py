@@ -22,7 +22,7 @@ from fti.cli.main import main
 from fti.web.live_state import LiveState
 from tests.alarm_cases import CASES, Case, daemon_with
 from tests.run_dirs import running_daemon
-from tests.web.fake_daemon import SESSION, FakeDaemon, make_clock, make_health, make_laboratory
+from tests.web.fake_daemon import SESSION, FakeDaemon, make_clock, make_health, make_laboratory, make_sinks
 
 
 @pytest.fixture
@@ -96,6 +96,12 @@ def rendered(live: LiveState, now_ns: int) -> str:
     return console.export_text(styles=True)
 
 
+def plain(live: LiveState) -> str:
+    console = Console(width=200, file=io.StringIO(), record=True)
+    console.print(render(live.state(0)))
+    return console.export_text()
+
+
 def make_live_state(**height: Any) -> LiveState:
     live = LiveState(0)
     fields: dict[str, Any] = {"t_ns": 0, "raw": 123.0, "height_agl": 120.04, "sd": 0.5, "valid": True, "reasons": []}
@@ -123,14 +129,22 @@ def test_values_links_and_origin_are_shown() -> None:
     assert STRUCK_OUT not in text
 
 
+def test_sinks_are_shown_with_their_failures_and_losses() -> None:
+    live, health = make_live_state(), make_health(10.0, 0, 0)
+    assert "outputs to" not in rendered(live, 0)
+    live.update("/health", {**health, "sinks": make_sinks()}, 0)
+    lines = {line.split()[0]: line.split() for line in plain(live).splitlines() if line.strip()}
+    assert lines["mqtt"][1:5] == ["retrying", "41,234", "12,034", "17"]
+    assert " ".join(lines["mqtt"][5:]).startswith("publish.mqtt: ground.example.org:8883")
+    assert lines["foxglove"][1:] == ["connected", "2", "41,234", "0", "0"]
+
+
 def test_what_a_controller_has_counted_is_shown_beside_the_hint() -> None:
     live, health = make_live_state(), make_health(10.0, 0, 0)
     health["links"]["airdata_can"]["ledger"] = {"errors": {"slcan_data_overrun": 2, "slcan_bus_error": 0}}
     health["links"]["gnss_line"]["ledger"] = {"errors": {"uart_overrun": 3}}
     live.update("/health", health, 0)
-    console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(render(live.state(0)))
-    text = console.export_text()
+    text = plain(live)
     assert "slcan_data_overrun 2" in text
     assert "slcan_bus_error" not in text
     assert "/dev/ttyUSB3 does not exist; there are ttyUSB0, ttyUSB1  uart_overrun 3" in text

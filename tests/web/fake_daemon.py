@@ -302,6 +302,18 @@ def make_health(t: float, t_ns: int, started_ns: int) -> dict[str, Any]:
     }
 
 
+def make_sinks() -> dict[str, Any]:
+    """Health of three sinks, of which one has no connection and has lost events."""
+    counts = {"connects": 1, "sent": 41_234, "replaced": 0, "skipped": 120, "waiting_events": 0, "lost_events": 0}
+    lost = {**counts, "replaced": 12_034, "waiting_events": 4096, "lost_events": 17}
+    fault = "publish.mqtt: ground.example.org:8883: [Errno 111] Connection refused"
+    return {
+        "mqtt": {"state": "retrying", "hint": fault, "peers": None, **lost},
+        "foxglove": {"state": "connected", "hint": "", "peers": 2, **counts},
+        "nmea": {"state": "connected", "hint": "", "peers": 0, **counts},
+    }
+
+
 def make_laboratory(t: float, **states: str) -> dict[str, Any]:
     """Message of an emulator of that bench; states : of breakers that are not on."""
     rates = {

@@ -18,7 +18,7 @@ from fti.reason_texts import REASONS
 from tests.alarm_cases import CASES, Daemon, daemon_with
 from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
-from tests.web.fake_daemon import KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock
+from tests.web.fake_daemon import KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock, make_sinks
 
 pytestmark = [pytest.mark.browser, pytest.mark.e2e]
 
@@ -633,6 +633,31 @@ def make_fallback_snapshot(health: dict[str, Any]) -> None:
     health["storage"].update(state="fallback", hint="/media/usb is full; recording to /data")
     health["session"].update(mode="snapshot", origin="flight")
     health["snapshot"] = {"state": "waiting", "held_s": 60.0, "held_mb": 3.1, "file": None}
+
+
+def add_sinks(health: dict[str, Any]) -> None:
+    health["sinks"] = make_sinks()
+
+
+async def test_sinks_are_reported_with_their_failures_and_losses(
+    page: Page, daemon: FakeDaemon, tmp_path: Path
+) -> None:
+    assert await page.eval("document.getElementById('sinks').hidden")
+    daemon.change_health = add_sinks
+    await page.wait_for(shows("sink-mqtt-state", "retrying"))
+    assert await page.text("sink-mqtt-hint") == f"{make_sinks()['mqtt']['hint']}; 17 events lost"
+    assert await page.eval(f"{by_testid('sink-foxglove-hint')}.parentElement.hidden")
+    cells = f"[...{by_testid('sink-foxglove')}.querySelectorAll('td.number')].map((e) => e.textContent)"
+    assert await page.eval(cells) == ["2", "41234", "0", "0"]
+    assert await page.text("sink-foxglove-state") == "connected"
+    assert "2 of 3 connected" in await page.eval("document.querySelector('#sinks h2').textContent")
+    for width, height in SIZES:
+        await page.resize(width, height)
+        assert await page.eval(CUT_OFF) == []
+        assert await page.eval(SMALL_TEXTS) == []
+        await page.screenshot(tmp_path / f"sinks_{width}.png")
+    daemon.change_health = lambda health: None
+    await page.wait_for("document.getElementById('sinks').hidden")
 
 
 async def test_the_clock_of_each_device_is_reported_as_far_as_it_is_known(page: Page, daemon: FakeDaemon) -> None:

@@ -11,6 +11,7 @@ import { Heights } from "./heights.js";
 import { Integrity } from "./integrity.js";
 import { Keys } from "./keys.js";
 import { Laboratory } from "./laboratory.js";
+import { Sinks } from "./sinks.js";
 import { Devices, Links } from "./tables.js";
 
 const place = (id) => document.getElementById(id);
@@ -32,6 +33,7 @@ const panels = [
   links,
   new Commands(place("commands"), links, command, keys),
   new Devices(place("devices")),
+  new Sinks(place("sinks")),
   new Events(place("events"), command, keys),
 ];
 

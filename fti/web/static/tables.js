@@ -1,4 +1,4 @@
-// Links and devices, each with a state as colour and text.
+// Tables of links and devices, each with a state as colour and text.
 
 import { age, bytes, fixed, isNumber, title } from "./format.js";
 import { ClockRow } from "./clocks.js";
@@ -7,9 +7,9 @@ import { h, Keyed, panelTitle, setAttribute, setText } from "./dom.js";
 const BUFFERS = ["receive", "global", "write"];
 const LINK_COLUMNS = ["link", "state", "frames/s", "bytes", "age", "R G W", "dropped", "sent"];
 const DEVICE_COLUMNS = ["device", "state", "rate", "age", "skipped"];
-const LEFT = ["link", "device", "state", "R G W"];
+const LEFT = ["link", "device", "program", "state", "R G W"];
 
-class Table {
+export class Table {
   constructor(root, heading, columns, make) {
     this.root = root;
     this.heading = panelTitle(heading);
@@ -54,8 +54,8 @@ export class Devices extends Table {
   }
 }
 
-// Name, state and cells of a link or device; its hint is below while its state is not good.
-class Row {
+// Name, state and cells of a link, device or sink; its hint is below while its state is not good.
+export class Row {
   constructor(kind, name, cells) {
     this.state = h("span", { class: "pill", "data-testid": `${kind}-${name}-state` });
     this.kind = h("span");
@@ -117,11 +117,11 @@ class DeviceRow extends Row {
   }
 }
 
-const numberCell = () => h("td", { class: "number" });
+export const numberCell = () => h("td", { class: "number" });
 
 const grown = (milliseconds, silence) => age(isNumber(milliseconds) ? milliseconds + silence : null);
 
-function showCount(place, text, detail) {
+export function showCount(place, text, detail) {
   setText(place, text);
   setAttribute(place, "data-bad", text !== "0");
   setAttribute(place, "title", detail);
