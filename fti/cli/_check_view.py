@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from fti.cli._check_sinks import sink_cells
 from fti.cli._terrain_files import layer_cells, terrain_cells
 
 
@@ -38,6 +39,8 @@ def lines(description: dict[str, Any]) -> Iterator[str]:
         tables[f"land cover of {description['land_cover']['file']}"] = [
             _cover_cells(cover) for cover in description["land_cover"]["cover"]
         ]
+    if description["sinks"]:
+        tables["sinks"] = [sink_cells(sink) for sink in description["sinks"]]
     for title, rows in tables.items():
         yield title
         yield from table_lines(rows)

@@ -1,8 +1,8 @@
 """Check a configuration or a scenario, and print a summary of it.
 
 Configuration (a file with [session], [[link]] ...): checks every key, the drivers' options and the named files; prints
-links, devices and roles, one per line, and how long storage may stall before a link loses its first byte.  Use it
-before fti run.
+links, devices, roles and sinks, one per line, and how long storage may stall before a link loses its first byte.  Use
+it before fti run.
 
 Scenario (a file with title, config, [flight] ..., or the name of a shipped one: fti hil --list): checks everything
 that fti hil would reject, without flying it or opening a port; prints flight, devices, each fault with its expected
@@ -138,6 +138,7 @@ def _listen(config: Config) -> dict[str, dict[str, Any]]:
 
 def describe(config: Config) -> dict[str, Any]:
     """Summary of a configuration, ready for JSON.  Raises ConfigError or MissingError."""
+    from fti.cli._check_sinks import describe_sinks, sink_warnings
     from fti.cli._config_warnings import warnings
     from fti.cli._receive_buffer import hints
     from fti.cli._terrain_files import describe_layers, describe_terrain
@@ -171,8 +172,14 @@ def describe(config: Config) -> dict[str, Any]:
         "terrain_layers": layers,
         "land_cover": _land_cover(config.nav),
         "approach": config.nav.approach.profile if config.nav.approach else None,
+        "sinks": describe_sinks(config),
         "missing": list(describe_missing(config)),
-        "warnings": [*_shared_ports(config), *_poor_storage(config), *warnings(config, devices, layers)],
+        "warnings": [
+            *_shared_ports(config),
+            *_poor_storage(config),
+            *warnings(config, devices, layers),
+            *sink_warnings(config),
+        ],
         "hints": list(hints(config)),
     }
 

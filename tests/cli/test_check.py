@@ -12,7 +12,7 @@ import pytest
 from affine import Affine
 
 from fti import config
-from fti.cli import _receive_buffer
+from fti.cli import _check_sinks, _receive_buffer
 from fti.cli._limit_warnings import limit_warnings
 from fti.cli.check import worst_load
 from fti.cli.main import main
@@ -54,6 +54,83 @@ def file(tmp_path: Path) -> Path:
     path = tmp_path / "bench.toml"
     path.write_text(BENCH)
     return path
+
+
+def publish_config(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "publish.toml"
+    path.write_text(f'{BENCH}\n[publish]\naircraft = "D-EFTI"\n{text}')
+    return path
+
+
+SINKS = """
+[publish.mqtt]
+host = "ground.example.org"
+tls = true
+user = "aircraft"
+topics = ["/nav/*", "/event"]
+[publish.zenoh]
+connect = "tcp/127.0.0.1:7447"
+[publish.foxglove]
+[publish.nmea]
+tcp_port = 10110
+udp = ["192.168.10.20:10110", "192.168.10.21:10110"]
+[publish.gdl90]
+udp = ["192.168.10.30:4000"]
+[publish.mavlink]
+udp = ["192.168.10.40:14550"]
+"""
+
+
+def test_each_sink_has_a_line_with_address_content_rate_and_protection(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(publish_config(tmp_path, SINKS))]) == 0
+    out = capsys.readouterr().out
+    lines = {line.split()[0]: " ".join(line.split()) for line in out.partition("\nsinks\n")[2].splitlines()}
+    assert lines["mqtt"] == (
+        "mqtt MQTT broker ground.example.org:8883 topics /nav/*, /event at most 5 Hz TLS, user aircraft"
+    )
+    assert lines["zenoh"].endswith("zenoh router tcp/127.0.0.1:7447 all topics at most 10 Hz not encrypted, no login")
+    assert lines["foxglove"] == "foxglove listens on 127.0.0.1:8765 all topics at most 25 Hz on this computer only"
+    assert "127.0.0.1:10110, UDP 192.168.10.20:10110, UDP 192.168.10.21:10110 sentences GGA," in lines["nmea"]
+    assert lines["gdl90"].endswith("not encrypted") and "as system 100" in lines["mavlink"]
+
+
+def test_every_sink_that_there_is_is_described() -> None:
+    tables = {name for name, field in config.Publish.model_fields.items() if "Table" in str(field.annotation)}
+    assert set(_check_sinks.DESCRIBE) == tables
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "publish: sends nothing: it has no sink"),
+        ("[publish.foxglove]\nport = 8080", "publish.foxglove.port = 8080: is also display.port"),
+        ("[publish.foxglove]\nport = 9\n[publish.nmea]\ntcp_port = 9", "port = 9: is also publish.nmea.tcp_port"),
+        ('[publish.mqtt]\nuser = "a"\npassword_file = "none"', "publish.mqtt.password_file = "),
+        ("[publish.mqtt]\ntls = true\nca_file = 'bench.toml'", "publish.mqtt: ca_file, certificate, private_key"),
+    ],
+)
+def test_a_sink_that_cannot_work_is_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, words: str
+) -> None:
+    assert main(["check", str(publish_config(tmp_path, text))]) == 0
+    assert words in "".join(line for line in capsys.readouterr().out.splitlines() if line.startswith("warning: "))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[publish.mqtt]\nca_file = 'ca.pem'", "ca_file and certificate need tls = true"),
+        ("[publish.foxglove]\nhost = '0.0.0.0'", "publish.foxglove.host: there is no such key"),
+        ("[publish.nmea]", "tcp_port or udp is required"),
+    ],
+)
+def test_a_wrong_combination_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, words: str
+) -> None:
+    assert main(["check", str(publish_config(tmp_path, text))]) != 0
+    assert words in capsys.readouterr().err
 
 
 def test_lists_have_one_thing_per_line_name_first(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
