@@ -83,7 +83,7 @@ def _publish(args: argparse.Namespace, config: Config, recording: Recording) -> 
 
     assert config.publish is not None
     aircraft = config.publish.aircraft or recording.session.partition("_")[0]
-    sinks = make_sinks(config.publish, SessionIdentity(aircraft, recording.session))
+    sinks = make_sinks(config.publish, SessionIdentity(aircraft, recording.session), _print_event)
     workers = [SinkWorker(sink.name, sink.sink, sink.queue, _print_event) for sink in sinks]
     for worker in workers:
         worker.start()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from fti.config import Publish
 from fti.publish.message import SessionIdentity
+from fti.publish.notices import Notify
 from fti.publish.sink import Sink
 from fti.publish.sink_queue import SinkQueue
 from fti.publish.sinks.foxglove import FoxgloveSink
@@ -26,21 +27,33 @@ class ConfiguredSink:
     queue: SinkQueue
 
 
-def make_sinks(publish: Publish, identity: SessionIdentity) -> list[ConfiguredSink]:
-    """The configured sinks; none of them is open."""
-    return [ConfiguredSink(name, sink, SinkQueue(sink.topics, rate)) for name, sink, rate in _sinks(publish, identity)]
+def make_sinks(
+    publish: Publish, identity: SessionIdentity, report: Callable[[str, str, str], None]
+) -> list[ConfiguredSink]:
+    """The configured sinks; none of them is open.
+
+    report : reports an event by level, source and text, from the thread of a sink
+    """
+    sinks = _sinks(publish, identity, report)
+    return [ConfiguredSink(name, sink, SinkQueue(sink.topics, rate)) for name, sink, rate in sinks]
 
 
-def _sinks(publish: Publish, identity: SessionIdentity) -> Iterator[tuple[str, Sink, float | None]]:
+def _sinks(
+    publish: Publish, identity: SessionIdentity, report: Callable[[str, str, str], None]
+) -> Iterator[tuple[str, Sink, float | None]]:
     """Name, sink, and largest rate of a topic [Hz]."""
+
+    def notify(name: str) -> Notify:
+        return lambda level, text: report(level, f"publish {name}", text)
+
     if table := publish.mqtt:
         yield "mqtt", MqttSink(table, identity), table.max_rate_hz
     if nmea := publish.nmea:
-        yield "nmea", NmeaSink(nmea), nmea.rate_hz
+        yield "nmea", NmeaSink(nmea, notify("nmea")), nmea.rate_hz
     if gdl90 := publish.gdl90:
-        yield "gdl90", Gdl90Sink(gdl90, identity), gdl90.rate_hz
+        yield "gdl90", Gdl90Sink(gdl90, identity, notify("gdl90")), gdl90.rate_hz
     if mavlink := publish.mavlink:
-        yield "mavlink", MavlinkSink(mavlink), mavlink.rate_hz
+        yield "mavlink", MavlinkSink(mavlink, notify("mavlink")), mavlink.rate_hz
     if zenoh := publish.zenoh:
         yield "zenoh", ZenohSink(zenoh, identity), zenoh.max_rate_hz
     if foxglove := publish.foxglove:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from contextlib import suppress
 
+from fti.publish.notices import Notices, Notify
 from fti.publish.sink import SinkError
 
 HOST = "127.0.0.1"
@@ -17,10 +18,13 @@ RECEIVE_BYTES = 4096
 
 
 class TcpServer:
-    """Serves its clients whenever it is called, and never waits for one.  key : of the configuration, for errors"""
+    """Serves its clients whenever it is called, and never waits for one.
 
-    def __init__(self, port: int, key: str) -> None:
-        self._port, self._key = port, key
+    key : of the configuration, for errors; notify : reports an event
+    """
+
+    def __init__(self, port: int, key: str, notify: Notify) -> None:
+        self._port, self._key, self._notices = port, key, Notices(key, notify)
         self._listener: socket.socket | None = None
         self._clients: list[socket.socket] = []
 
@@ -42,9 +46,14 @@ class TcpServer:
         """Accept new clients, discard what clients sent, and send to all.  A client that does not read is dropped."""
         self._accept()
         for client in self._clients.copy():
-            if not _is_served(client, data):
+            is_connected = _is_connected(client)
+            if is_connected and not _is_taken(client, data):
+                self._notices.count("a client does not read; it was disconnected")
+                is_connected = False
+            if not is_connected:
                 client.close()
                 self._clients.remove(client)
+        self._notices.report()
 
     def count_clients(self) -> int:
         """Number of connected clients."""
@@ -67,6 +76,7 @@ class TcpServer:
             except OSError:  # no more, or already gone
                 return
             if len(self._clients) >= MAX_CLIENTS:
+                self._notices.count(f"a client was refused: {MAX_CLIENTS} are connected")
                 client.close()
                 continue
             client.setblocking(False)
@@ -76,12 +86,19 @@ class TcpServer:
             self._clients.append(client)
 
 
-def _is_served(client: socket.socket, data: bytes) -> bool:
-    """Is the client still connected, and has the kernel taken all the data for it?"""
+def _is_connected(client: socket.socket) -> bool:
+    """Discard what a client has sent; is it still there?"""
     try:
-        with suppress(BlockingIOError):
-            if not client.recv(RECEIVE_BYTES):
-                return False
+        return bool(client.recv(RECEIVE_BYTES))
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+
+
+def _is_taken(client: socket.socket, data: bytes) -> bool:
+    """Has the kernel taken all the data for a client?"""
+    try:
         return client.send(data) == len(data)
     except OSError:
         return False

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from fti.config.endpoints import split_endpoint
+from fti.publish.notices import Notices, Notify
 from fti.publish.sink import SinkError
 
 #: A receive buffer that the kernel fills once and then drops everything: the smallest that it allows.
@@ -18,14 +19,14 @@ RECEIVE_BYTES = 1
 class UdpSender:
     """Sends each datagram to every receiver, without waiting.
 
-    endpoints : of the receivers, ``1.2.3.4:5``; key : of the configuration, for errors
+    endpoints : of the receivers, ``1.2.3.4:5``; key : of the configuration, for errors; notify : reports an event
 
-    A receiver that is not there (the datagram is refused) is no error: it may come later.  One without a route is
-    tried again with each datagram; it is an error only when none has a route.
+    A receiver that is not there (the datagram is refused), or has no route, is reported and tried again with each
+    datagram.  It is an error only when none has a route.
     """
 
-    def __init__(self, endpoints: Sequence[str], key: str) -> None:
-        self._key = key
+    def __init__(self, endpoints: Sequence[str], key: str, notify: Notify) -> None:
+        self._key, self._notices = key, Notices(key, notify)
         self._receivers = [_Receiver(endpoint) for endpoint in endpoints]
 
     def open(self) -> None:
@@ -39,6 +40,9 @@ class UdpSender:
         for receiver in self._receivers:
             receiver.send(datagram)
         self._check()
+        for receiver in self._receivers:
+            self._notices.set_fault(receiver.endpoint, receiver.fault)
+        self._notices.report()
 
     def count_reachable(self) -> int:
         """Number of receivers whose last datagram was neither refused nor without a route."""

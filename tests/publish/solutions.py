@@ -25,6 +25,10 @@ SPEED_MPS, TRACK_DEG, CLIMB_MPS = 100.0, 30.0, 2.0
 ROLL_DEG, PITCH_DEG, HEADING_DEG = -12.5, 3.25, 33.5
 
 
+def ignore(level: str, text: str) -> None:
+    """Events that a test does not look at."""
+
+
 def solution(**changes: Any) -> NavSolution:
     """A valid solution with the values above."""
     values: dict[str, Any] = {

@@ -37,6 +37,7 @@ from tests.publish.solutions import (
     SPEED_MPS,
     TRACK_DEG,
     arbitrary_messages,
+    ignore,
     invalid_solution,
     json_field,
     late,
@@ -232,7 +233,7 @@ def test_the_tablet_gets_its_messages_at_their_rates(monkeypatch: pytest.MonkeyP
         tablet.bind(("127.0.0.1", 0))
         tablet.setblocking(False)
         table = Gdl90Table(udp=(f"127.0.0.1:{tablet.getsockname()[1]}",))
-        sink = Gdl90Sink(table, SessionIdentity("D-EFTI", "test"))
+        sink = Gdl90Sink(table, SessionIdentity("D-EFTI", "test"), ignore)
         with closing(sink):
             sink.open()
             received: list[list[Message]] = []

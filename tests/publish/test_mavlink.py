@@ -38,6 +38,7 @@ from tests.publish.solutions import (
     T_NS,
     TRACK_DEG,
     arbitrary_messages,
+    ignore,
     invalid_solution,
     json_field,
     message,
@@ -70,7 +71,7 @@ class Sent:
         self.now_s = time.monotonic()
         self._parser = common.MAVLink(None)
         self._found: list[Any] = []
-        self.sink = MavlinkSink(TABLE)
+        self.sink = MavlinkSink(TABLE, ignore)
         monkeypatch.setattr(time, "monotonic", lambda: self.now_s)
         monkeypatch.setattr(self.sink._datagrams, "send", self._parse)
 
@@ -300,7 +301,7 @@ def ground_station() -> Iterator[tuple[Any, int]]:
 
 def test_mavutil_sees_the_aircraft_and_its_commands_change_nothing() -> None:
     with ground_station() as (station, port):
-        sink, is_over = MavlinkSink(MavlinkTable(udp=(f"127.0.0.1:{port}",), system=42)), threading.Event()
+        sink, is_over = MavlinkSink(MavlinkTable(udp=(f"127.0.0.1:{port}",), system=42), ignore), threading.Event()
         sink.open()
 
         def feed() -> None:
@@ -328,7 +329,10 @@ def test_mavutil_sees_the_aircraft_and_its_commands_change_nothing() -> None:
 
 
 def test_mavutil_sees_states_as_texts() -> None:
-    with ground_station() as (station, port), closing(MavlinkSink(MavlinkTable(udp=(f"127.0.0.1:{port}",)))) as sink:
+    with (
+        ground_station() as (station, port),
+        closing(MavlinkSink(MavlinkTable(udp=(f"127.0.0.1:{port}",)), ignore)) as sink,
+    ):
         sink.open()
         sink.send(
             [message(solution()), message(integrity(IntegrityState.ALERT, valid=False)), event("error", "y" * 120)]

@@ -34,6 +34,7 @@ from tests.publish.solutions import (
     SPEED_MPS,
     TRACK_DEG,
     arbitrary_messages,
+    ignore,
     invalid_solution,
     json_field,
     late,
@@ -162,7 +163,7 @@ def feed(sink: NmeaSink, make: Callable[[], list[PublishedMessage]], stop: Calla
 @contextmanager
 def fed(table: NmeaTable, make: Callable[[], list[PublishedMessage]]) -> Iterator[NmeaSink]:
     """A sink in a thread that gets messages five times a second."""
-    sink, is_over = NmeaSink(table), threading.Event()
+    sink, is_over = NmeaSink(table, ignore), threading.Event()
     sink.open()
     thread = threading.Thread(target=feed, args=(sink, make, is_over.is_set))
     thread.start()
@@ -232,7 +233,9 @@ def test_datagrams_have_the_sentences_of_each_solution() -> None:
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as receiver:
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(5.0)
-        sink = NmeaSink(NmeaTable(udp=(f"127.0.0.1:{receiver.getsockname()[1]}",), talker="GP", sentences=("RMC",)))
+        sink = NmeaSink(
+            NmeaTable(udp=(f"127.0.0.1:{receiver.getsockname()[1]}",), talker="GP", sentences=("RMC",)), ignore
+        )
         sink.open()
         with closing(sink):
             sink.send([message(solution())])
@@ -249,7 +252,7 @@ def test_without_a_solution_it_sends_once_a_second_that_there_is_none(monkeypatc
     now_s = [1000.0]
     monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
     sent: list[bytes] = []
-    sink = NmeaSink(NmeaTable(udp=("127.0.0.1:9",)))
+    sink = NmeaSink(NmeaTable(udp=("127.0.0.1:9",)), ignore)
     monkeypatch.setattr(sink._datagrams, "send", sent.append)
     sink.send([])
     sink.send([message(solution())])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 
@@ -15,6 +16,7 @@ from fti.publish.tcp_server import MAX_CLIENTS, TcpServer
 from fti.publish.udp_sender import UdpSender
 from tests.e2e.harness import free_udp_port
 from tests.helpers import until
+from tests.publish.solutions import ignore
 from tests.small_config import LINE as CONFIG
 from tests.small_config import parsed
 
@@ -24,7 +26,7 @@ LINE = b"$INRMC,,V,,,,,,,,,,N*34\r\n"
 @pytest.fixture
 def server() -> Iterator[tuple[TcpServer, int]]:
     port = free_udp_port()
-    found = TcpServer(port, "publish.nmea.tcp_port")
+    found = TcpServer(port, "publish.nmea.tcp_port", ignore)
     found.open()
     yield found, port
     found.close()
@@ -126,7 +128,7 @@ def test_clients_that_leave_are_forgotten(server: tuple[TcpServer, int]) -> None
 def test_a_port_in_use_is_named(server: tuple[TcpServer, int]) -> None:
     _, port = server
     with pytest.raises(SinkError, match=rf"publish\.nmea\.tcp_port: 127\.0\.0\.1:{port}: Address already in use"):
-        TcpServer(port, "publish.nmea.tcp_port").open()
+        TcpServer(port, "publish.nmea.tcp_port", ignore).open()
 
 
 # ------------------------------------------------------------------------------------------------------- datagrams
@@ -134,7 +136,7 @@ def test_a_port_in_use_is_named(server: tuple[TcpServer, int]) -> None:
 
 def test_a_receiver_that_is_not_there_is_no_error_and_comes_later() -> None:
     port, other = free_udp_port(), free_udp_port()
-    with closing(UdpSender((f"127.0.0.1:{port}", f"127.0.0.1:{other}"), "publish.x.udp")) as sender:
+    with closing(UdpSender((f"127.0.0.1:{port}", f"127.0.0.1:{other}"), "publish.x.udp", ignore)) as sender:
         sender.open()
         until(lambda: reachable_after_line(sender) == 0)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
@@ -150,7 +152,7 @@ def test_a_receiver_that_is_not_there_is_no_error_and_comes_later() -> None:
 def test_the_first_datagram_after_a_refused_one_arrives() -> None:
     """The kernel reports the refusal instead of sending it."""
     port = free_udp_port()
-    with closing(UdpSender((f"127.0.0.1:{port}",), "publish.x.udp")) as sender:
+    with closing(UdpSender((f"127.0.0.1:{port}",), "publish.x.udp", ignore)) as sender:
         sender.open()
         sender.send(b"refused")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
@@ -164,7 +166,7 @@ def test_what_a_receiver_sends_back_is_never_read() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(10.0)
-        with closing(UdpSender((f"127.0.0.1:{receiver.getsockname()[1]}",), "publish.x.udp")) as sender:
+        with closing(UdpSender((f"127.0.0.1:{receiver.getsockname()[1]}",), "publish.x.udp", ignore)) as sender:
             sender.open()
             sender.send(LINE)
             data, address = receiver.recvfrom(100)
@@ -176,7 +178,7 @@ def test_what_a_receiver_sends_back_is_never_read() -> None:
 
 def test_an_address_that_cannot_be_used_is_an_error_only_without_another_receiver() -> None:
     """The kernel refuses the broadcast address of loopback."""
-    with closing(UdpSender(("127.255.255.255:4000",), "publish.x.udp")) as sender:
+    with closing(UdpSender(("127.255.255.255:4000",), "publish.x.udp", ignore)) as sender:
         with pytest.raises(SinkError, match=r"publish\.x\.udp: 127\.255\.255\.255:4000: Permission denied"):
             sender.open()
         with pytest.raises(SinkError):
@@ -185,7 +187,7 @@ def test_an_address_that_cannot_be_used_is_an_error_only_without_another_receive
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(10.0)
         both = ("127.255.255.255:4000", f"127.0.0.1:{receiver.getsockname()[1]}")
-        with closing(UdpSender(both, "publish.x.udp")) as sender:
+        with closing(UdpSender(both, "publish.x.udp", ignore)) as sender:
             sender.open()
             sender.send(LINE)
             assert receiver.recv(100) == LINE
@@ -215,6 +217,73 @@ def test_an_endpoint_that_is_not_one_receiver_is_refused(endpoint: str, message:
 def test_nmea_needs_a_receiver() -> None:
     with pytest.raises(ConfigError, match=r"publish\.nmea.*tcp_port or udp is required"):
         parsed(CONFIG + "\n[publish.nmea]\n")
+
+
+# --------------------------------------------------------------------------------------------------------- events
+
+
+class Events:
+    """Events at a time that the test sets."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_s = 1000.0
+        self._events: list[tuple[str, str]] = []
+        monkeypatch.setattr(time, "monotonic", lambda: self.now_s)
+
+    def __call__(self, level: str, text: str) -> None:
+        self._events.append((level, text))
+
+    def take(self, after_s: float = 0.0) -> list[tuple[str, str]]:
+        """The events since the last call; then the time goes on."""
+        self.now_s += after_s
+        found, self._events = self._events, []
+        return found
+
+
+def test_a_receiver_that_is_not_there_is_an_event_and_so_is_its_return(monkeypatch: pytest.MonkeyPatch) -> None:
+    port, events = free_udp_port(), Events(monkeypatch)
+    with closing(UdpSender((f"127.0.0.1:{port}",), "publish.x.udp", events)) as sender:
+        sender.open()
+        for _ in range(20):
+            sender.send(LINE)
+        where = f"publish.x.udp: 127.0.0.1:{port}"
+        assert events.take() == [("warning", f"{where}: Connection refused; tried again with each datagram")]
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+            receiver.bind(("127.0.0.1", port))
+            for _ in range(3):
+                sender.send(LINE)
+            assert events.take(after_s=11.0) == []
+            sender.send(LINE)
+            assert events.take() == [("info", f"{where}: datagrams are accepted again")]
+
+
+def test_an_address_that_cannot_be_used_beside_others_is_an_event(monkeypatch: pytest.MonkeyPatch) -> None:
+    events = Events(monkeypatch)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        both = ("127.255.255.255:4000", f"127.0.0.1:{receiver.getsockname()[1]}")
+        with closing(UdpSender(both, "publish.x.udp", events)) as sender:
+            sender.open()
+            sender.send(LINE)
+    text = "publish.x.udp: 127.255.255.255:4000: Permission denied; tried again with each datagram"
+    assert events.take() == [("warning", text)]
+
+
+def test_dropped_and_refused_clients_are_counted_in_few_events(monkeypatch: pytest.MonkeyPatch) -> None:
+    port, events = free_udp_port(), Events(monkeypatch)
+    with closing(TcpServer(port, "publish.nmea.tcp_port", events)) as server, ExitStack() as stack:
+        server.open()
+        stack.enter_context(connect(port))
+        server.send(bytes(50_000_000))
+        server.send(bytes(50_000_000))
+        for _ in range(MAX_CLIENTS + 2):
+            stack.enter_context(connect(port))
+            server.send()
+        text = "publish.nmea.tcp_port: a client does not read; it was disconnected"
+        assert events.take(after_s=11.0) == [("warning", text)]
+        server.send()
+        text = f"publish.nmea.tcp_port: a client was refused: {MAX_CLIENTS} are connected (2 times)"
+        assert events.take() == [("warning", text)]
 
 
 # --------------------------------------------------------------------------------------------------- current values

@@ -15,6 +15,7 @@ from fti.publish import gdl90_messages as gdl90
 from fti.publish.current_output import LatestValue, Periodic
 from fti.publish.message import PublishedMessage, SessionIdentity
 from fti.publish.navigation_values import NAVIGATION_TOPIC, NO_NAVIGATION, NavigationValues, read_navigation
+from fti.publish.notices import Notify
 from fti.publish.udp_sender import UdpSender
 
 HEARTBEAT_PERIOD_S = 1.0
@@ -25,9 +26,9 @@ class Gdl90Sink:
 
     topics: Sequence[str] = (NAVIGATION_TOPIC,)
 
-    def __init__(self, table: Gdl90Table, identity: SessionIdentity) -> None:
+    def __init__(self, table: Gdl90Table, identity: SessionIdentity, notify: Notify) -> None:
         self._name, self._callsign = identity.aircraft, gdl90.callsign_of(identity.aircraft)
-        self._datagrams = UdpSender(table.udp, "publish.gdl90.udp")
+        self._datagrams = UdpSender(table.udp, "publish.gdl90.udp", notify)
         self._latest = LatestValue(table.rate_hz, NO_NAVIGATION)
         self._heartbeat = Periodic(HEARTBEAT_PERIOD_S)
 

@@ -24,6 +24,7 @@ from fti.publish.current_output import LatestValue, Periodic, current_fields, nu
 from fti.publish.mean_sea_level import MeanSeaLevel
 from fti.publish.message import PublishedMessage
 from fti.publish.navigation_values import NAVIGATION_TOPIC, NO_NAVIGATION, NavigationValues, read_navigation
+from fti.publish.notices import Notify
 from fti.publish.udp_sender import UdpSender
 
 HEIGHT_TOPIC, INTEGRITY_TOPIC = "/nav/height_below_aircraft", "/nav/clearance_integrity"
@@ -40,8 +41,8 @@ class MavlinkSink:
 
     topics: Sequence[str] = (NAVIGATION_TOPIC, HEIGHT_TOPIC, INTEGRITY_TOPIC, BUS_EVENT)
 
-    def __init__(self, table: MavlinkTable) -> None:
-        self._datagrams = UdpSender(table.udp, "publish.mavlink.udp")
+    def __init__(self, table: MavlinkTable, notify: Notify) -> None:
+        self._datagrams = UdpSender(table.udp, "publish.mavlink.udp", notify)
         self._packer = common.MAVLink(None, srcSystem=table.system, srcComponent=table.component)
         self._sea = MeanSeaLevel()
         self._heartbeat = Periodic(HEARTBEAT_PERIOD_S)

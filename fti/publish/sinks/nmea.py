@@ -16,6 +16,7 @@ from fti.publish.mean_sea_level import MeanSeaLevel
 from fti.publish.message import PublishedMessage
 from fti.publish.navigation_values import NAVIGATION_TOPIC, NO_NAVIGATION, NavigationValues, read_navigation
 from fti.publish.nmea_sentences import encode
+from fti.publish.notices import Notify
 from fti.publish.sink import SinkError
 from fti.publish.tcp_server import TcpServer
 from fti.publish.udp_sender import UdpSender
@@ -28,10 +29,10 @@ class NmeaSink:
 
     topics: Sequence[str] = (NAVIGATION_TOPIC,)
 
-    def __init__(self, table: NmeaTable) -> None:
+    def __init__(self, table: NmeaTable, notify: Notify) -> None:
         self._table = table
-        self._server = TcpServer(table.tcp_port, "publish.nmea.tcp_port") if table.tcp_port else None
-        self._datagrams = UdpSender(table.udp, "publish.nmea.udp")
+        self._server = TcpServer(table.tcp_port, "publish.nmea.tcp_port", notify) if table.tcp_port else None
+        self._datagrams = UdpSender(table.udp, "publish.nmea.udp", notify)
         self._latest = LatestValue[NavigationValues | None](table.rate_hz, None)
         self._silence = Periodic(SILENCE_PERIOD_S)
         self._sea = MeanSeaLevel()

@@ -35,7 +35,7 @@ class PublishProcess:
         self, publish: Publish, identity: SessionIdentity, bus: Path, *, clock: SystemClock, channel: ControlChannel
     ) -> None:
         self._bus, self._clock, self._channel = bus, clock, channel
-        sinks = make_sinks(publish, identity)
+        sinks = make_sinks(publish, identity, self._report)
         self._fan_out = FanOut(sink.queue for sink in sinks)
         self._workers = [SinkWorker(sink.name, sink.sink, sink.queue, self._report) for sink in sinks]
 
