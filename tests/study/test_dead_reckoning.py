@@ -37,7 +37,7 @@ def flights(looks_m: float, sigmas: float) -> list[Tracks]:
     ("looks_m", "sigmas", "missed"),
     [
         (60.0, 1.0, set()),
-        (150.0, 1.0, {"D.ratio.tactical.straight"}),
+        (150.0, 1.0, {f"D.ratio.tactical.straight{part}" for part in ("", ".along", ".across")}),
         (60.0, 1.6, {"D.sigma.tactical.straight.max"}),
         (60.0, 0.5, {"D.sigma.tactical.straight.min"}),
     ],

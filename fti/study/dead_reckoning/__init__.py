@@ -5,8 +5,8 @@ terrains of fractal relief, five flights over each, every second one straight an
 units have all errors of their data sheets (``fti.hil.sensors.imu``), the imager a range scale, a mounting angle and a
 time error.  All forms fly on the same random numbers, images included.
 
-    D.ratio.*    RMS of the horizontal error at the end, with looks over inertial alone, pooled: <= 0.1; the navigation
-                 grade is reported
+    D.ratio.*    RMS of the error at the end, with looks over inertial alone, pooled: horizontal, along and across the
+                 track, each <= 0.1; the navigation grade is reported
     D.sigma.*    RMS of error over sigma, both axes, at each of ten instants of the outage: smallest and largest one
                  within 0.80 to 1.25
     D.along.*, D.across.*   RMS at the end along and across the track [m]: reported

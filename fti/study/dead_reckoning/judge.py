@@ -16,6 +16,8 @@ from fti.study.statistics import pooled_ratio, rms
 MAX_RATIO, MIN_SIGMA, MAX_SIGMA = 0.1, 0.80, 1.25
 #: Units whose error at the end is judged; the navigation grade needs no aid for 500 s.
 JUDGED_UNITS = ("tactical", "mems")
+#: Parts of the horizontal error: words, and axes of ``Track.error``.
+PARTS = {"": [0, 1], "along ": [0], "across ": [1]}
 
 
 def judge(runs: Sequence[Tracks]) -> list[StudyResult]:
@@ -32,12 +34,14 @@ def judge(runs: Sequence[Tracks]) -> list[StudyResult]:
 
 def _judge_cell(name: str, words: str, unit: str, flights: Sequence[Mapping[str, Track]]) -> Iterator[StudyResult]:
     looks, alone = [each["looks"] for each in flights], [each["none"] for each in flights]
-    ratio, count = pooled_ratio(_squares(looks), _squares(alone)), len(flights)
-    text = f"{words}: RMS at the end, looks over inertial alone, N = {count} flights"
-    if unit in JUDGED_UNITS:
-        yield StudyResult.at_most(f"D.ratio.{name}", text, ratio, MAX_RATIO)
-    else:
-        yield StudyResult.reported(f"D.ratio.{name}", text, ratio)
+    for part, axes in PARTS.items():
+        ratio = pooled_ratio(_squares(looks, axes), _squares(alone, axes))
+        text = f"{words}: RMS {part}at the end, looks over inertial alone, N = {len(flights)} flights"
+        key = f"D.ratio.{name}.{part}".rstrip(". ")
+        if unit in JUDGED_UNITS:
+            yield StudyResult.at_most(key, text, ratio, MAX_RATIO)
+        else:
+            yield StudyResult.reported(key, text, ratio)
     at_instants = sigma_ratios(looks)
     yield StudyResult.at_least(
         f"D.sigma.{name}.min", f"{words}: error over sigma, smallest of ten instants", at_instants.min(), MIN_SIGMA
@@ -68,7 +72,7 @@ def _report_forms(name: str, words: str, flights: Sequence[Mapping[str, Track]])
             continue
         printed, looks = [each[form] for each in both], [each["looks"] for each in both]
         text = f"{words}: printed {form}, N = {len(both)} flights"
-        ratio = pooled_ratio(_squares(printed), _squares(looks))
+        ratio = pooled_ratio(_squares(printed, [0, 1]), _squares(looks, [0, 1]))
         yield StudyResult.reported(f"D.form.{form}.{name}", f"{text}: RMS at the end over that with looks", ratio)
         yield StudyResult.reported(
             f"D.form.{form}.{name}.sigma",
@@ -83,6 +87,6 @@ def sigma_ratios(tracks: Sequence[Track]) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=(0, 2))))
 
 
-def _squares(tracks: Sequence[Track]) -> Array:
-    """Square of the horizontal error at the end of each flight [m^2]."""
-    return np.array([float(np.sum(track.end**2)) for track in tracks])
+def _squares(tracks: Sequence[Track], axes: list[int]) -> Array:
+    """Square of the error at the end of each flight, along, across or both [m^2]."""
+    return np.array([float(np.sum(track.end[axes] ** 2)) for track in tracks])
