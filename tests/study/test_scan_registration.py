@@ -27,7 +27,7 @@ def failed(results: list[StudyResult]) -> set[str]:
 
 
 def pair_of(errors: Array, printed: float = 3.0) -> PairResult:
-    return PairResult(np.eye(3), errors, np.eye(3), (), 0.0, np.full(3, printed), 0.0, 50)
+    return PairResult(np.eye(3), errors, np.eye(3), (), 0.0, np.full(3, printed), 0.0, 50, np.full(3, np.nan))
 
 
 def grounds(scale: float, bias: float = 0.0, printed: float = 3.0) -> list[dict[str, list[PairResult]]]:
@@ -47,6 +47,7 @@ def test_a_pair_over_rough_ground_is_registered() -> None:
     assert (np.abs(error) < 5.0 * np.sqrt(np.diag(cov))).all()
     assert np.abs(error).max() < 0.15 and np.abs(found.printed).max() < 0.3
     assert found.interval_error == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(found.next_errors).max() < 0.15
 
 
 def test_the_axes_of_the_track_are_along_right_and_up() -> None:
@@ -66,13 +67,28 @@ def test_sigmas_that_are_off_do_not_hold() -> None:
 def test_directions_of_pairs_without_all_are_judged() -> None:
     """Pairs with a horizontal direction and the vertical: errors of 2 sigma in the first, of 9 sigma in the other."""
     found = grounds(1.0)
-    some = PairResult(np.eye(3)[[1, 2]], np.array([2.0, 9.0]), np.eye(2), (Refusal.FLAT,), 0.0, np.zeros(3), 0.0, 50)
+    some = PairResult(
+        np.eye(3)[[1, 2]], np.array([2.0, 9.0]), np.eye(2), (Refusal.FLAT,), 0.0, np.zeros(3), 0.0, 50, np.zeros(3)
+    )
     none = replace(some, axes=np.zeros((0, 3)), errors=np.zeros(0), cov=np.zeros((0, 0)))
     for ground in found:
         ground["wooded"] += [some] * 5 + [none] * 5
     results = {result.id: result for result in judge.judge_pairs(found)}
     assert failed(list(results.values())) == {"D.wooded.horizontal"}
     assert results["D.wooded.all"].value == 0.5 and results["D.wooded.some"].value == 0.25
+
+
+def test_errors_of_looks_that_telescope_are_correlated() -> None:
+    """Each look has an error, a pair the difference of two: -0.5, and 0 where each pair has its own."""
+    looks = np.random.default_rng(3).standard_normal((400, 3, 3))
+    telescoping = [replace(pair_of(b - a), next_errors=c - b) for a, b, c in looks]
+    apart = [replace(pair_of(a), next_errors=b) for a, b, _ in looks]
+    for pairs, expected in ((telescoping, -0.5), (apart, 0.0)):
+        results = {result.id: result for result in judge.judge_pairs([dict.fromkeys(GROUNDS, pairs)])}
+        for axis in judge.AXES:
+            assert results[f"C.smooth.{axis}"].value == pytest.approx(expected, abs=0.15)
+    results = {result.id: result for result in judge.judge_pairs(grounds(1.0))}
+    assert "C.smooth.along" not in results
 
 
 def test_a_printed_form_that_is_better_and_a_wrong_time_do_not_hold() -> None:

@@ -9,6 +9,7 @@ differ by 2 deg an angle and are known, and a drift of 3 m between the images.  
     S     RMS of (error - mean of the kind of ground) over sigma along, across and up: 0.85 to 1.15 over smooth, rough
           and wooded ground; over transverse dunes reported.  The interval is by resampling of grounds
     B, E  mean and RMS of the errors: reported
+    C     correlation of the errors of successive pairs, which share a look: reported
     D     share of pairs in which all directions, or some, are measured: reported; along the horizontal direction of the
           latter as S.  Up they have the uncertainty of the direction that is not measured: reported
     O     time to overlap (eq. 5.7): exact for images

@@ -29,6 +29,8 @@ class PairResult:
     interval_error : time to overlap minus its true value [s]
     printed, printed_interval_error : the same of the printed form, shape (3,) [m], and [s]
     printed_shifts : shifts that the printed search has computed
+    next_errors : errors of the next pair, whose first look is the second of this one, shape (3,) [m]; NaN where not all
+                  directions are measured
     """
 
     axes: Array
@@ -39,6 +41,7 @@ class PairResult:
     printed: Array
     printed_interval_error: float
     printed_shifts: int
+    next_errors: Array
 
     @property
     def is_full(self) -> bool:
@@ -64,7 +67,16 @@ def register_pair(pair: LookPair) -> PairResult:
         printed=pair.mat_tl @ (printed.drift - pair.drift_l),
         printed_interval_error=printed.interval - interval,
         printed_shifts=printed.shifts,
+        next_errors=_errors_of_next(pair),
     )
+
+
+def _errors_of_next(pair: LookPair) -> Array:
+    """Of the pair from the second look to the third."""
+    found = register(pair.second, pair.third, EXPECTED_SD_M)
+    if len(found.drift) < 3:
+        return np.full(3, np.nan)
+    return np.asarray(pair.mat_tl @ (found.axes_l.T @ found.drift - pair.drift_l))
 
 
 def fly_over(seed: int, name: str) -> list[PairResult]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -23,7 +23,7 @@ BAND = (0.85, 1.15)
 PRINTED_S, PAIR_S, PEAK_TOLERANCE_S = 1.02, 1.0, 0.001
 #: A confident wrong direction: its error over its sigma, and in metres.
 WRONG_SIGMAS, WRONG_M, MAX_WRONG = 5.0, 0.3, 3
-#: Directions of pairs without all of them, below which their RMS is reported only.
+#: Directions of pairs without all of them, below which their RMS is reported only; pairs for a correlation.
 MIN_PARTIAL = 100
 
 
@@ -47,7 +47,7 @@ def judge_design() -> list[StudyResult]:
 
 
 def judge_pairs(grounds: Sequence[dict[str, list[PairResult]]]) -> list[StudyResult]:
-    """S (sigma), B (bias), D (directions), O (time to overlap) and P (printed form) of each kind of ground."""
+    """S (sigma), B (bias), C (correlation), D (directions), O (time to overlap), P (printed form) by ground."""
     return [result for name in GROUNDS for result in _judge_kind(name, [found[name] for found in grounds])]
 
 
@@ -63,6 +63,7 @@ def _judge_kind(name: str, grounds: Sequence[Sequence[PairResult]]) -> list[Stud
             for k, axis in enumerate(AXES)
         ),
         *_sigmas(name, grounds, bias),
+        *_correlations(name, pairs),
         *_directions(name, pairs, bias),
         StudyResult.at_most(
             f"O.{name}",
@@ -94,6 +95,15 @@ def _sigmas(name: str, grounds: Sequence[Sequence[PairResult]], bias: Array) -> 
             _in_band(f"S.{name}.{axis}", words, pooled_ratio(of_axis, counts), is_judged=name in JUDGED),
         ]
     return results
+
+
+def _correlations(name: str, pairs: Sequence[PairResult]) -> Iterator[StudyResult]:
+    """Of the errors of successive pairs, which share a look: -0.5 would be drifts whose errors telescope."""
+    both = [(p.in_track_axes()[0], p.next_errors) for p in pairs if p.is_full and np.isfinite(p.next_errors).all()]
+    words = f"{name} ground: correlation of the errors of {len(both)} pairs and of the next ones"
+    for k, axis in enumerate(AXES if len(both) > MIN_PARTIAL else ()):
+        here, following = np.array(both)[:, :, k].T
+        yield StudyResult.reported(f"C.{name}.{axis}", f"{words} {axis}", float(np.corrcoef(here, following)[0, 1]))
 
 
 def _in_band(name: str, words: str, value: float, *, is_judged: bool) -> StudyResult:

@@ -48,15 +48,16 @@ def make_ground(name: str, seed: int) -> Terrain:
 
 @dataclass(frozen=True, eq=False)
 class LookPair:
-    """Two looks, and what is true.
+    """Two looks, the next one after them, and what is true.
 
-    drift_l : ndarray, shape (3,) [m]     of the solution, from the first to the second look
+    drift_l : ndarray, shape (3,) [m]     of the solution, from each look to the next one
     mat_tl  : ndarray, shape (3, 3)       local frame to along, across (to the right), up
     centre_l : ndarray, shape (3,) [m]    middle between the looks, on the ground
     """
 
     first: Look
     second: Look
+    third: Look
     drift_l: Array
     mat_tl: Array
     centre_l: Array
@@ -92,16 +93,16 @@ def draw_places(ground: Terrain, rng: Rng) -> tuple[Array, Array, float]:
 
 
 def draw_pair(ground: Terrain, rng: Rng) -> LookPair:
-    """A pair of table 7.8 over a ground, with a random drift."""
+    """A pair of table 7.8 over a ground, with a random drift, and the next look."""
     first, second, heading = draw_places(ground, rng)
     sensor, drift = imager(), DRIFT_SD_M / math.sqrt(3.0) * rng.standard_normal(3)
     looks = []
-    for t, place in ((0.0, first), (INTERVAL_S, second)):
+    for number, place in enumerate((first, second, 2.0 * second - first)):
         ranges, directions, sd = take_image(sensor, ground, place, heading, rng)
-        solution = place + drift if t else place
-        looks.append(place_look(solution, directions, ranges, np.full(len(ranges), t), sd))
+        t = np.full(len(ranges), number * INTERVAL_S)
+        looks.append(place_look(place + number * drift, directions, ranges, t, sd))
     centre = 0.5 * (first + second) - [0.0, 0.0, HEIGHT_AGL_M]
-    return LookPair(looks[0], looks[1], drift, track_axes(heading), centre)
+    return LookPair(looks[0], looks[1], looks[2], drift, track_axes(heading), centre)
 
 
 def track_axes(heading: float) -> Array:
