@@ -12,9 +12,7 @@ from fti.publish.sink import Sink
 from fti.publish.sink_queue import SinkQueue
 from fti.publish.sinks.foxglove import FoxgloveSink
 from fti.publish.sinks.gdl90 import Gdl90Sink
-from fti.publish.sinks.mavlink import MavlinkSink
 from fti.publish.sinks.mqtt import MqttSink
-from fti.publish.sinks.nmea import NmeaSink
 from fti.publish.sinks.zenoh import ZenohSink
 
 
@@ -49,10 +47,14 @@ def _sinks(
     if table := publish.mqtt:
         yield "mqtt", MqttSink(table, identity), table.max_rate_hz
     if nmea := publish.nmea:
+        from fti.publish.sinks.nmea import NmeaSink  # noqa: PLC0415 - numpy and PROJ: only where they are used
+
         yield "nmea", NmeaSink(nmea, notify("nmea")), nmea.rate_hz
     if gdl90 := publish.gdl90:
         yield "gdl90", Gdl90Sink(gdl90, identity, notify("gdl90")), gdl90.rate_hz
     if mavlink := publish.mavlink:
+        from fti.publish.sinks.mavlink import MavlinkSink  # noqa: PLC0415 - see above
+
         yield "mavlink", MavlinkSink(mavlink, notify("mavlink")), mavlink.rate_hz
     if zenoh := publish.zenoh:
         yield "zenoh", ZenohSink(zenoh, identity), zenoh.max_rate_hz
