@@ -11,8 +11,8 @@ from fti.publish.sink import SinkError
 HOST = "127.0.0.1"
 #: Further clients are disconnected at once.
 MAX_CLIENTS = 128
-#: A client is disconnected when so many bytes wait for it in the kernel: half a minute of sentences and more.
-SEND_BYTES = 65536
+#: A client is disconnected when so many bytes wait for it in our kernel, beside those in its own: seconds of sentences.
+SEND_BYTES = 16384
 #: A client that floods fills a small buffer of the kernel; of it so much is discarded at a time.
 RECEIVE_BYTES = 4096
 

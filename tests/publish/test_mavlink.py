@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import socket
 import threading
@@ -13,6 +14,7 @@ from typing import Any
 
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from msgspec.structs import asdict
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common
@@ -30,6 +32,7 @@ from tests.publish.solutions import (
     ALT_M,
     CLIMB_MPS,
     HEADING_DEG,
+    JSON_VALUES,
     LAT_DEG,
     LON_DEG,
     PITCH_DEG,
@@ -284,6 +287,21 @@ def test_no_message_that_is_not_valid_gives_a_height(published: PublishedMessage
 def test_an_event_that_is_none_is_ignored(sent: Sent, payload: bytes) -> None:
     sent()
     assert sent(PublishedMessage("/event", payload, 1)) == []
+
+
+@given(JSON_VALUES | st.dictionaries(st.sampled_from(["t_ns", "level", "source", "text"]), JSON_VALUES))
+@settings(max_examples=300, deadline=None)
+def test_any_event_gives_right_frames(fields: object) -> None:
+    payload = json.dumps(fields).encode()
+    with pytest.MonkeyPatch.context() as patch:
+        Sent(patch)(PublishedMessage("/event", payload, 1))
+
+
+def test_states_are_sent_again_after_a_failure(sent: Sent) -> None:
+    sent(message(solution()))
+    sent.sink.open()
+    assert (common.MAV_SEVERITY_INFO, "position valid") in texts(sent(message(solution()), after_s=0.1))
+    sent.sink.close()
 
 
 # --------------------------------------------------------------------------------------------------------- mavutil

@@ -17,7 +17,10 @@ import pytest
 from hypothesis import given, settings
 
 from fti.config.publish_tables import NmeaTable
+from fti.errors import MissingError
 from fti.geodesy import coarse_geoid
+from fti.geodesy.geoid import Geoid, load_geoid
+from fti.publish import mean_sea_level
 from fti.publish.mean_sea_level import MeanSeaLevel
 from fti.publish.message import PublishedMessage
 from fti.publish.navigation_values import NO_NAVIGATION, read_navigation
@@ -81,6 +84,18 @@ def test_the_longest_sentence_has_82_characters() -> None:
     far = solution(lat=-math.pi / 2, lon=-math.pi, alt=99_999.0, vel_north=-3000.0, horizontal_sd=1e5, vertical_sd=1e5)
     lines = encoded(message(far)).splitlines(keepends=True)
     assert max(len(line) for line in lines) <= 82
+
+
+def test_without_the_grid_of_the_system_the_undulation_is_a_coarse_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 1 degree, where the coarse grid has a post: rounded to 0.1 m."""
+
+    def no_grid(model: str) -> Geoid:
+        raise MissingError(model)
+
+    lat, lon = math.radians(49.0), math.radians(11.0)
+    fine = load_geoid("egm96").undulation(lat, lon)
+    monkeypatch.setattr(mean_sea_level, "load_geoid", no_grid)
+    assert MeanSeaLevel().undulation(lat, lon) == pytest.approx(float(fine), abs=0.06)
 
 
 @pytest.mark.parametrize("degrees", [359.999, -0.001, 0.0, 360.0])

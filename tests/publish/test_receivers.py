@@ -162,6 +162,19 @@ def test_the_first_datagram_after_a_refused_one_arrives() -> None:
             assert receiver.recv(100) == LINE
 
 
+def test_a_receiver_may_have_an_address_of_ipv6() -> None:
+    with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as receiver:
+        try:
+            receiver.bind(("::1", 0))
+        except OSError:
+            pytest.skip("the machine has no IPv6")
+        receiver.settimeout(5.0)
+        with closing(UdpSender((f"[::1]:{receiver.getsockname()[1]}",), "publish.x.udp", ignore)) as sender:
+            sender.open()
+            sender.send(LINE)
+            assert receiver.recv(100) == LINE
+
+
 def test_what_a_receiver_sends_back_is_never_read() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))

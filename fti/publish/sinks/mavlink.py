@@ -55,7 +55,8 @@ class MavlinkSink:
         self._texts = 0
 
     def open(self) -> None:
-        """See ``Sink``."""
+        """See ``Sink``.  Texts of states that were lost are sent again."""
+        self._reported.clear()
         self._datagrams.open()
 
     def send(self, messages: Sequence[PublishedMessage]) -> None:
@@ -134,8 +135,8 @@ class MavlinkSink:
     def _report(self, what: str, state: object, text: tuple[int, str]) -> None:
         """Send a text when the state differs from the last one."""
         if self._reported.get(what) != state:
-            self._reported[what] = state
             self._send_text(*text)
+            self._reported[what] = state
 
     def _send_text(self, severity: int, text: str) -> None:
         self._texts = self._texts % 0xFFFF + 1
