@@ -14,7 +14,7 @@ from fti.nav.filter import kernels
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.kernels import EXTRAS
-from fti.nav.filter.look_mark import COVER, SCALE, STATES, YAW, LookDrift, LookMark, carry_turns, look_drifts
+from fti.nav.filter.look_mark import COVER, SHARE, STATES, YAW, LookDrift, LookMark, carry_turns, look_drifts
 from fti.nav.filter.navigator import InertialNavigator
 from fti.nav.inertial.ins_error_model import ACCEL, TURN, VEL
 
@@ -94,7 +94,7 @@ def test_the_rows_are_the_derivatives() -> None:
     used = np.flatnonzero(np.abs(H).sum(axis=0))
     look = MODEL.columns["look0.position_x"]
     assert set(used) == {*range(3), *range(TURN, ACCEL), *range(look, look + STATES),
-                         *(MODEL.columns[name] for name in (SCALE, COVER, YAW))}  # fmt: skip
+                         *(MODEL.columns[name] for name in (SHARE, COVER, YAW))}  # fmt: skip
 
 
 def test_a_mark_copies_position_and_attitude_with_their_covariance() -> None:
@@ -140,7 +140,7 @@ def test_a_range_scale_and_a_mounting_angle_are_explained(seed: int) -> None:
     truth = geometry.truth()
     assert np.abs(measured.compute_matrices(truth)[0]).max() > 0.2
     y = truth.y.copy()
-    for name, value in ((SCALE, share), (YAW, angle)):
+    for name, value in ((SHARE, share), (YAW, angle)):
         y[EXTRAS + MODEL.columns[name] - MODEL.base] = value
     innovation, _, _ = measured.compute_matrices(Estimate(0, y, truth.P, truth.imu, MODEL))
     assert np.abs(innovation).max() < 0.02

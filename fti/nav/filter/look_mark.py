@@ -10,12 +10,12 @@ others.  d and psi are those states, relative to the pose that placed the look; 
 
     d_mark = x(t_look) - x_pose,   psi_mark = turn from the pose's attitude to that of t_look,   d/dt = 0
 
-Three slow states are errors of the sensor: a constant scale of the ranges; a share of the roughness of the ground, by
-which the looks differ along the track because they see rough ground and woods from opposite sides, and which changes
-with the land cover; and the angle of its mounting about the axis z of the body, which moves the second look across the
-track.
+Three slow states are errors of the sensor: a constant share of the ranges (their scale); a share of the roughness of
+the ground, by which the looks differ along the track because they see rough ground and woods from opposite sides, and
+which changes with the land cover; and the angle of its mounting about the axis z of the body, which moves the second
+look across the track.
 
-    ds += (scale + cover roughness / |r|) (r_2 - r_1) + angle (z_2 x r_2 - z_1 x r_1),    r the mean of both
+    ds += (share + cover roughness / |r|) (r_2 - r_1) + angle (z_2 x r_2 - z_1 x r_1),    r the mean of both
 
 Only a drift is measured: a turn of everything about the vertical changes nothing, and no number of looks may determine
 the heading.  Turned by psi, a position errs by psi x x and a velocity by psi x v.  So that the covariance remains one
@@ -51,10 +51,10 @@ from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
 STATES = 6
 #: Name of the drifts in the filter; devices name no quantity so.
 SCAN_DRIFT = "scan.drift"
-#: Scale of the ranges, share of the roughness, and mounting about body z [rad], by their names.
-SCALE, COVER, YAW = "scan_scale", "scan_cover", "scan_yaw"
+#: Share of the ranges, share of the roughness, and mounting about body z [rad], by their names.
+SHARE, COVER, YAW = "scan_share", "scan_cover", "scan_yaw"
 #: Air delays light by 2.8e-4 of the way at sea level; a range that is not corrected is so much too long.
-SCALE_DRIFT = Drift(3e-4)
+SHARE_DRIFT = Drift(3e-4)
 #: 0.017 m in a pair of 170 m from 300 m above ground with a roughness of 2.5 m, 0.009 m from one such ground to the
 #: next, and 0.011 m over woods with 1.3 m (docs/decisions/0054); another one with the next land cover.
 COVER_DRIFT = Drift(0.015, length_m=10e3)
@@ -67,7 +67,7 @@ YAW_DRIFT = Drift(math.radians(0.2))
 def look_drifts(looks: int) -> dict[str, Drift]:
     """States of so many looks, and of the errors of the sensor."""
     names = [name for slot in range(looks) for name in _names(slot)]
-    return {**dict.fromkeys(names, MARK_DRIFT), SCALE: SCALE_DRIFT, COVER: COVER_DRIFT, YAW: YAW_DRIFT}
+    return {**dict.fromkeys(names, MARK_DRIFT), SHARE: SHARE_DRIFT, COVER: COVER_DRIFT, YAW: YAW_DRIFT}
 
 
 def carry_turns(before: Array, after: Estimate) -> None:
@@ -185,7 +185,7 @@ class LookDrift(NoOwnStates):
         rough = self.roughness / max(float(np.linalg.norm(middle)), MIN_DISTANCE_M)
         aside = np.cross(estimate.mat_eb[:, 2], vectors[1]) - np.cross(self.first.mat_eb[:, 2], vectors[0])
         for i in range(3):
-            expected[i] += enter_drift(estimate, SCALE, rows[i], float(longer[i]))
+            expected[i] += enter_drift(estimate, SHARE, rows[i], float(longer[i]))
             expected[i] += enter_drift(estimate, COVER, rows[i], float(longer[i] * rough))
             expected[i] += enter_drift(estimate, YAW, rows[i], float(aside[i]))
         cov = self.cov + self.axes_e @ _second_order(estimate.P[TURN:ACCEL, TURN:ACCEL], longer) @ self.axes_e.T
