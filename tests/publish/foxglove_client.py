@@ -89,10 +89,13 @@ class FoxgloveClient:
 class Connection:
     """``async with Connection(port) as client``: a client that receives in the background."""
 
+    client: FoxgloveClient
+
     def __init__(self, port: int, session: aiohttp.ClientSession | None = None) -> None:
         self._port, self._shared = port, session
 
-    async def __aenter__(self) -> FoxgloveClient:
+    async def open(self) -> None:
+        """Connect."""
         self._session = self._shared or aiohttp.ClientSession()
         try:
             url = f"http://127.0.0.1:{self._port}"
@@ -100,14 +103,21 @@ class Connection:
         except BaseException:
             await self._end_session()
             raise
-        client = FoxgloveClient(self._socket)
-        self._task = asyncio.create_task(client.run())
-        return client
+        self.client = FoxgloveClient(self._socket)
+        self._task = asyncio.create_task(self.client.run())
 
-    async def __aexit__(self, *exception: object) -> None:
+    async def close(self) -> None:
+        """Disconnect."""
         await self._socket.close()
         await self._task
         await self._end_session()
+
+    async def __aenter__(self) -> FoxgloveClient:
+        await self.open()
+        return self.client
+
+    async def __aexit__(self, *exception: object) -> None:
+        await self.close()
 
     async def _end_session(self) -> None:
         if self._shared is None:

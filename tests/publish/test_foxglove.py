@@ -140,7 +140,7 @@ async def test_no_position_while_it_is_invalid(sink: FoxgloveSink, port: int) ->
         assert {each.log_ns for each in client.of(LOCATION)} == {T_NS}
     async with Connection(port) as client:  # and none for one that comes now
         await sees(sink, client, SOLUTION)
-        await served(sink, lambda: len(client.channels) == 5 and client.of("/nav/track"))
+        await served(sink, lambda: len(client.channels) == 6 and client.of("/nav/track"))
         assert not client.of(LOCATION) and not client.of("/nav/pose")
 
 
@@ -168,7 +168,14 @@ async def test_what_has_waited_is_late_and_what_is_no_message_is_left_out(sink: 
         newest = client.newest(SOLUTION)
         assert newest and newest.content["late"] and not newest.content["valid"]
         assert newest.content["age_ms"] == pytest.approx(60_020.0, abs=5_000.0)
-        assert client.channels.keys() == {SOLUTION}
+        assert client.channels.keys() == {SOLUTION, EVENT}
+
+
+async def test_a_client_that_waits_gets_the_first_event(sink: FoxgloveSink, port: int) -> None:
+    async with Connection(port) as client:
+        await until_async(lambda: sink.count_peers() == 1, what="a subscription before any message")
+        sink.send([event("first")])
+        await until_async(lambda: client.of(EVENT))
 
 
 async def test_a_late_client_gets_the_newest_values_at_once_but_no_event_again(sink: FoxgloveSink, port: int) -> None:

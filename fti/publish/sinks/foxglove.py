@@ -26,7 +26,7 @@ from foxglove.websocket import ChannelView, Client, ServerListener
 
 from fti.bus.message import MessageError, decode, encode
 from fti.config import FoxgloveTable
-from fti.logger.schemas import Schema, encode_note, foxglove_schema
+from fti.logger.schemas import Schema, encode_note, foxglove_schema, note_schema
 from fti.messages.outputs import NavSolution
 from fti.messages.tables import from_table
 from fti.messages.topics import BUS_EVENT, EVENT_TOPIC, measurement_topic
@@ -73,6 +73,7 @@ class FoxgloveSink:
             )
         except RuntimeError as error:
             raise SinkError(f"publish.foxglove.port: {HOST}:{self._table.port}: {error}") from None
+        self._channels.offer(EVENT_TOPIC, note_schema(EVENT_TOPIC))
 
     def send(self, messages: Sequence[PublishedMessage]) -> None:
         """See ``Sink``."""
@@ -164,14 +165,17 @@ class LiveChannels:
 
     def log(self, topic: str, schema: Schema, payload: bytes, t_ns: int, *, keep: bool = True) -> None:
         """Send a message to the subscribers of a topic; keep : for those who subscribe later."""
-        channel = self._channels.get(topic)
-        if channel is None:
+        self.offer(topic, schema).log(payload, log_time=t_ns)
+        if keep:
+            self._newest[topic] = payload, t_ns
+
+    def offer(self, topic: str, schema: Schema) -> sdk.Channel:
+        """The channel of a topic, to which clients can subscribe from now on."""
+        if topic not in self._channels:
             known = sdk.Schema(name=schema.name, encoding=schema.encoding, data=schema.data)
             channel = sdk.Channel(topic, schema=known, message_encoding="json", context=self.context)
             self._channels[topic] = channel
-        channel.log(payload, log_time=t_ns)
-        if keep:
-            self._newest[topic] = payload, t_ns
+        return self._channels[topic]
 
     def repeat(self, topic: str) -> None:
         """Send the newest message of a topic again."""
