@@ -18,7 +18,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "first steps": ("demo", "examples"),
     "before the flight": ("ports", "listen", "new", "check", "preflight", "drivers", "topics", "decode"),
     "record and navigate": ("run",),
-    "during the flight": ("watch", "page", "mark", "acknowledge", "readmit", "send"),
+    "during the flight": ("watch", "page", "ground", "mark", "acknowledge", "readmit", "send"),
     "after the flight": ("info", "verify", "recover", "pack", "sync", "latency", "export", "reprocess"),
     "laboratory": ("hil", "score", "replay", "publish", "compare"),
     "terrain, references, studies": ("terrain", "reference", "study"),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from rich.console import Group, RenderableType
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
@@ -18,6 +20,8 @@ from fti.web.live_state import CONTINUOUS, describe_mode
 
 Fields = Mapping[str, Any]
 
+#: Period of the live display [s].
+LIVE_PERIOD_S = 0.2
 #: Styles of the normal session states; all others are red.
 SESSION_STYLES = {"recording": "green", "waiting": "yellow"}
 HEIGHT = "/nav/height_above_ground/"
@@ -52,6 +56,23 @@ INTEGRITY_STYLES = {
     "caution": "bold black on yellow",
     "alert": "bold white on red",
 }
+
+
+def shown_state(state: Fields) -> dict[str, Any]:
+    """The part of a state that is printed as JSON."""
+    return {key: state[key] for key in ("health", "hil", "outputs", "alarms", "events")}
+
+
+def show_live(render_now: Callable[[], RenderableType], once: bool) -> None:
+    """Show what is rendered, five times a second, until Ctrl-C; or once."""
+    console = Console()
+    if once:
+        console.print(render_now())
+        return
+    with Live(console=console, auto_refresh=False, screen=console.is_terminal) as live:
+        while True:
+            live.update(render_now(), refresh=True)
+            time.sleep(LIVE_PERIOD_S)
 
 
 def render(state: Fields) -> RenderableType:

@@ -3,8 +3,11 @@
   fti watch                  live table of heights, integrity, glide slope and links; Ctrl-C ends it
   fti watch --once --json    one JSON object {"health", "hil", "outputs", "alarms", "events"} for a script
   fti watch --json           one such object a second
+  fti watch --router tcp/127.0.0.1:7447                     one row for each aircraft of a zenoh router
+  fti watch --router tcp/127.0.0.1:7447 --aircraft D-EFTI   one of them in full
 
 A value that is late or not valid is struck out; in JSON it has ``valid: false`` and, when late, ``late: true``.
+Of a router, JSON is {"aircraft": {NAME: such an object}}.
 """
 
 from __future__ import annotations
@@ -14,14 +17,16 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json
+from fti.cli._router_arguments import add_router_arguments
+from fti.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from fti.run_directory import DaemonInfo
 
+#: Period of the JSON objects [s].
 JSON_PERIOD_S = 1.0
-LIVE_PERIOD_S = 0.2
 
 State = dict[str, Any]
 
@@ -31,12 +36,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--run-dir", metavar="DIR", help="run directory of the daemon, if several are running")
     which.add_argument("--name", metavar="NAME", help="name of its session, instead of --run-dir")
+    which.add_argument("--aircraft", metavar="NAME", help="with --router: this aircraft in full")
+    add_router_arguments(parser, "--router", is_required=False)
     parser.add_argument("--once", action="store_true", help="show one state and exit")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Subscribe to the bus and show its state."""
+    """Subscribe to the bus, or to a router, and show its state."""
+    if args.router:
+        from fti.cli._watch_fleet import watch_fleet
+
+        return watch_fleet(args)
+    if args.aircraft:
+        raise ConfigError("--aircraft needs --router ENDPOINT")
     from fti.cli._live_state import live_states
 
     with live_states(_find(args), "watch") as read:
@@ -52,26 +65,16 @@ def _find(args: argparse.Namespace) -> DaemonInfo:
 
 
 def _show_json(read: Callable[[], State], once: bool) -> None:
+    from fti.cli._watch_view import shown_state
+
     while True:
-        state = read()
-        shown = {key: state[key] for key in ("health", "hil", "outputs", "alarms", "events")}
-        print_json(shown, indent=None, flush=True)
+        print_json(shown_state(read()), indent=None, flush=True)
         if once:
             return
         time.sleep(JSON_PERIOD_S)
 
 
 def _show_table(read: Callable[[], State], once: bool) -> None:
-    from rich.console import Console
-    from rich.live import Live
+    from fti.cli._watch_view import render, show_live
 
-    from fti.cli._watch_view import render
-
-    console = Console()
-    if once:
-        console.print(render(read()))
-        return
-    with Live(console=console, auto_refresh=False, screen=console.is_terminal) as live:
-        while True:
-            live.update(render(read()), refresh=True)
-            time.sleep(LIVE_PERIOD_S)
+    show_live(lambda: render(read()), once)

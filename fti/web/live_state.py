@@ -13,7 +13,7 @@ import threading
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from fti.alarms.alarm_list import Alarm
 from fti.alarms.condition import Condition, Severity
@@ -133,11 +133,31 @@ def to_number(value: object, otherwise: float = 0.0) -> float:
     return found if math.isfinite(found) else otherwise
 
 
+class Contact(NamedTuple):
+    """When the source of the messages counts as silent.
+
+    title, cause : of the alarm then; ``{silence_s}`` stands for the duration of the silence [s]
+    limit_ms     : duration of the silence [ms];  by_health : only health messages break it
+    """
+
+    title: str
+    cause: str
+    limit_ms: float
+    by_health: bool
+
+
+DAEMON = Contact(
+    "DAEMON STOPPED", "no health for {silence_s:.1f} s; the state of the recording is unknown", HEALTH_LIMIT_MS, True
+)
+
+
 class LiveState:
     """The state shown by the page and ``fti watch``."""
 
-    def __init__(self, now_ns: int) -> None:
+    def __init__(self, now_ns: int, contact: Contact = DAEMON) -> None:
         self._lock = threading.Lock()
+        self._contact = contact
+        self._last_message_ns = now_ns
         self._started = ReceivedMessage({}, now_ns)
         self._health: ReceivedMessage | None = None
         self._hil: ReceivedMessage | None = None
@@ -151,6 +171,7 @@ class LiveState:
     def update(self, topic: str, fields: Fields, now_ns: int) -> None:
         """Handle a message of the bus.  now_ns : its publication time, used as arrival time"""
         with self._lock:
+            self._last_message_ns = max(self._last_message_ns, now_ns)
             if topic == BUS_HEALTH:
                 self._health = ReceivedMessage(fields, now_ns)
             elif topic == BUS_ALARMS:
@@ -206,16 +227,18 @@ class LiveState:
         return int(to_number(self._health.fields["t_ns"])) + now_ns - self._health.at_ns
 
     def _daemon_alarms(self, now_ns: int) -> Iterator[dict[str, Any]]:
-        """The alarm that the daemon sends no health; none after the session state ``stopped``."""
+        """The alarm that the daemon is silent; none after the session state ``stopped``."""
         session = self._health.fields.get("session") if self._health else None
         if isinstance(session, Mapping) and session.get("state") == "stopped":
             return
-        silence_ms = (self._health or self._started).elapsed_ms(now_ns)
-        if silence_ms <= HEALTH_LIMIT_MS and self._alive.get("supervisor", True):
+        contact = self._contact
+        last_ns = (self._health or self._started).at_ns if contact.by_health else self._last_message_ns
+        silence_ms = (now_ns - last_ns) / NS_PER_MS
+        if silence_ms <= contact.limit_ms and self._alive.get("supervisor", True):
             return
-        cause = f"no health for {silence_ms / 1000:.1f} s; the state of the recording is unknown"
+        cause = contact.cause.format(silence_s=silence_ms / 1000)
         began_ns = (self._fti_time_ns(now_ns) or 0) - round(silence_ms * NS_PER_MS)
-        alarm = Alarm(Condition("daemon", Severity.WARNING, "DAEMON STOPPED", cause), began_ns, began_ns)
+        alarm = Alarm(Condition("daemon", Severity.WARNING, contact.title, cause), began_ns, began_ns)
         yield {**alarm.as_json(), "is_acknowledged": False, "consequences": []}
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -71,7 +72,7 @@ def _walk(folder: Traversable, path: str) -> Iterator[tuple[str, Traversable]]:
             yield path + entry.name, entry
 
 
-def _to_json(message: Mapping[str, Any]) -> str:
+def to_json(message: Mapping[str, Any]) -> str:
     """A message as standard JSON.  Raises ValueError for NaN, which the checks of the bus exclude."""
     return json.dumps(message, allow_nan=False)
 
@@ -83,7 +84,7 @@ def is_allowed(request: web.Request) -> bool:
     if host not in [f"{name}:{port}" for name in NAMES]:
         return False
     origin = request.headers.get("Origin")
-    return origin == f"http://{host}" or (origin is None and request.path != "/ws")
+    return origin == f"http://{host}" or (origin is None and not request.path.endswith("/ws"))
 
 
 @web.middleware
@@ -94,20 +95,19 @@ async def guard_origin(request: web.Request, handler: Handler) -> web.StreamResp
     return await handler(request)
 
 
-class PageServer:
-    """Serves the page of one live state.
+class LoopbackServer(ABC):
+    """Serves the files of the page, and live states over WebSockets.
 
     now_ns  : monotonic clock; gate : handles commands; board : state of commands to devices
     user_of : returns the user of the program that is connected from one address to another
     """
 
-    def __init__(self, live: LiveState, now_ns: Callable[[], int], gate: CommandGate, user_of: UserLookup) -> None:
-        self._live = live
-        self._now_ns = now_ns
+    def __init__(self, now_ns: Callable[[], int], gate: CommandGate, user_of: UserLookup) -> None:
+        self.now_ns = now_ns
         self.board = CommandStatus()
         self._gate = gate
         self._user_of = user_of
-        self._files = static_files()
+        self.files = static_files()
         self._sockets: WeakSet[web.WebSocketResponse] = WeakSet()
         self._runner: web.AppRunner | None = None
         self._limits = ConnectionLimits()
@@ -115,10 +115,13 @@ class PageServer:
     def make_app(self) -> web.Application:
         """The application that ``start`` serves."""
         app = web.Application(middlewares=[self._limits.note_request, guard_origin])
-        app.router.add_get("/ws", self._serve_socket)
-        app.router.add_get("/{path:.*}", self._serve_file)
+        self.add_routes(app.router)
         app.on_shutdown.append(self._close_sockets)
         return app
+
+    @abstractmethod
+    def add_routes(self, router: web.UrlDispatcher) -> None:
+        """Add what is served."""
 
     async def start(self, port: int) -> int:
         """Listen on a port of loopback, 0 for a free one; returns the port.  Raises MissingError when it is in use."""
@@ -145,29 +148,36 @@ class PageServer:
         if self._runner:
             await self._runner.cleanup()
 
-    async def _serve_file(self, request: web.Request) -> web.Response:
-        found = self._files.get(request.path)
+    def serve_file(self, path: str) -> web.Response:
+        """A file of the page.  Raises HTTPNotFound."""
+        found = self.files.get(path)
         if found is None:
             raise web.HTTPNotFound(text="no such file", headers=HEADERS)
         body, content_type = found
         charset = "utf-8" if content_type.startswith("text/") else None
         return web.Response(body=body, content_type=content_type, charset=charset, headers=HEADERS)
 
-    async def _serve_socket(self, request: web.Request) -> web.WebSocketResponse:
+    async def open_socket(self, request: web.Request) -> web.WebSocketResponse:
+        """Open a WebSocket, which ``stop`` closes."""
         socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=5.0)
         await socket.prepare(request)
         self._sockets.add(socket)
+        return socket
+
+    async def serve_socket(self, request: web.Request, live: LiveState) -> web.WebSocketResponse:
+        """Send a live state until the browser closes the connection; answer its commands."""
+        socket = await self.open_socket(request)
         assert request.transport is not None  # the socket has just been prepared
         peer, here = (request.transport.get_extra_info(end)[:2] for end in ("peername", "sockname"))
         client = PageClient(self._user_of(peer, here))
         try:
-            await socket.send_str(_to_json(self._live.history()))
+            await socket.send_str(to_json(live.history()))
             sent_version = 0
             while not socket.closed:
                 if sent_version != self.board.version:
                     sent_version = self.board.version
-                    await socket.send_str(_to_json(self.board.message()))
-                await socket.send_str(_to_json(self._live.state(self._now_ns())))
+                    await socket.send_str(to_json(self.board.message()))
+                await socket.send_str(to_json(live.state(self.now_ns())))
                 await self._pause(socket, client)
         except ConnectionResetError:
             pass  # the browser has closed the connection
@@ -184,10 +194,29 @@ class PageServer:
             if message.type in CLOSED:
                 await socket.close()
             elif message.type is WSMsgType.TEXT and (answer := self._gate.handle_message(message.data, client)):
-                await socket.send_str(_to_json(answer))
+                await socket.send_str(to_json(answer))
                 if client.is_refused:
                     await socket.close(code=WSCloseCode.POLICY_VIOLATION)
 
     async def _close_sockets(self, app: web.Application) -> None:
         for socket in set(self._sockets):
             await socket.close(code=WSCloseCode.GOING_AWAY, message=b"the display ends")
+
+
+class PageServer(LoopbackServer):
+    """Serves the page of one live state; other arguments as those of ``LoopbackServer``."""
+
+    def __init__(self, live: LiveState, now_ns: Callable[[], int], gate: CommandGate, user_of: UserLookup) -> None:
+        super().__init__(now_ns, gate, user_of)
+        self._live = live
+
+    def add_routes(self, router: web.UrlDispatcher) -> None:
+        """See ``LoopbackServer``."""
+        router.add_get("/ws", self._serve_live)
+        router.add_get("/{path:.*}", self._serve_path)
+
+    async def _serve_path(self, request: web.Request) -> web.Response:
+        return self.serve_file(request.path)
+
+    async def _serve_live(self, request: web.Request) -> web.WebSocketResponse:
+        return await self.serve_socket(request, self._live)

@@ -28,10 +28,10 @@ class RunningPublisher:
     events : that it has reported; sinks : its last report
     """
 
-    def __init__(self, hub: RunningHub, publish: Publish) -> None:
+    def __init__(self, hub: RunningHub, publish: Publish, aircraft: str = AIRCRAFT, session: str = SESSION) -> None:
         self._hub = hub
         ours, theirs = socket.socketpair()
-        where = ("--bus", str(hub.hub.path), "--session", SESSION, "--aircraft", AIRCRAFT, "--epoch-ns", "0")
+        where = ("--bus", str(hub.hub.path), "--session", session, "--aircraft", aircraft, "--epoch-ns", "0")
         command = [sys.executable, "-m", "fti.service.publish", *where, "--control-fd", str(theirs.fileno())]
         self.process = subprocess.Popen([*command, "--table", publish.model_dump_json()], pass_fds=[theirs.fileno()])
         theirs.close()

@@ -17,6 +17,12 @@ const stateOf = ({ state, mode }, snapshot) =>
 
 const lastPart = (path) => (path ?? "").split("/").pop();
 
+// The aircraft, at a ground station: its pages are below aircraft/NAME/; null for the page of a daemon.
+function aircraftOfPage() {
+  const found = /\/aircraft\/([^/]+)\/$/.exec(location.pathname);
+  return found && decodeURIComponent(found[1]);
+}
+
 function field(label, testid) {
   const value = h("b", { "data-testid": testid }, "–");
   return { root: h("div", { class: "field" }, h("span", {}, label), value), value };
@@ -41,6 +47,11 @@ export class Banner {
     const list = h("div", { class: "processes" });
     this.processes = new Keyed(list, makeProcess);
     const fields = [this.file, this.size, this.age, this.free].map((f) => f.root);
+    const aircraft = aircraftOfPage();
+    if (aircraft) {
+      document.title = aircraft;
+      root.append(h("a", { class: "aircraft", href: "../../", title: "all aircraft", "data-testid": "aircraft" }, aircraft));
+    }
     root.append(
       h("div", { class: "origin-block" }, this.origin, this.originText),
       this.modeBlock,

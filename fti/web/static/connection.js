@@ -49,7 +49,7 @@ export class Connection {
   }
 
   #connect() {
-    const socket = new WebSocket(`ws://${location.host}/ws`);
+    const socket = new WebSocket(`ws://${location.host}${new URL("ws", document.baseURI).pathname}`);
     this.socket = socket;
     socket.onmessage = (event) => {
       const message = JSON.parse(event.data);

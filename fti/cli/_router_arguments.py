@@ -1,0 +1,41 @@
+"""Arguments of commands that receive from a zenoh router."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fti.config import ZenohTable
+
+#: Values older than this are shown as late, also over a slow link [s].
+MAX_AGE_S = 2.0
+
+
+def add_router_arguments(parser: argparse.ArgumentParser, endpoint: str, *, is_required: bool) -> None:
+    """The endpoint, login and largest age.  endpoint : name of the option with the endpoint"""
+    group = parser.add_argument_group("router of several aircraft")
+    group.add_argument(
+        endpoint, dest="router", required=is_required, metavar="ENDPOINT", help="zenoh router, such as tls/ground:7447"
+    )
+    group.add_argument("--ca-file", metavar="FILE", help="PEM file of the authorities that may certify the router")
+    group.add_argument("--certificate", metavar="FILE", help="PEM file of our certificate, with --private-key")
+    group.add_argument("--private-key", metavar="FILE", help="PEM file of its private key")
+    group.add_argument("--user", metavar="NAME", help="user name, with --password-file")
+    group.add_argument("--password-file", metavar="FILE", help="file with the password, readable by its owner only")
+    group.add_argument(
+        "--max-age",
+        type=float,
+        default=MAX_AGE_S,
+        metavar="S",
+        help=f"a value is late above this age, or above its own limit (default: {MAX_AGE_S:g} s)",
+    )
+
+
+def router_table(args: argparse.Namespace) -> ZenohTable:
+    """The endpoint and login.  Raises ConfigError that names the option."""
+    from fti.config import ZenohTable, bind
+
+    names = ("ca_file", "certificate", "private_key", "user", "password_file")
+    given = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+    return bind(ZenohTable, {"connect": args.router, **given}, "arguments")
