@@ -12,8 +12,10 @@ if TYPE_CHECKING:
 MAX_AGE_S = 2.0
 
 
-def add_router_arguments(parser: argparse.ArgumentParser, endpoint: str, *, is_required: bool) -> None:
-    """The endpoint, login and largest age.  endpoint : name of the option with the endpoint"""
+def add_router_arguments(
+    parser: argparse.ArgumentParser, endpoint: str, *, is_required: bool
+) -> argparse._ArgumentGroup:
+    """Add endpoint, login and largest age; returns their group.  endpoint : name of the option with the endpoint"""
     group = parser.add_argument_group("router of several aircraft")
     group.add_argument(
         endpoint, dest="router", required=is_required, metavar="ENDPOINT", help="zenoh router, such as tls/ground:7447"
@@ -30,6 +32,7 @@ def add_router_arguments(parser: argparse.ArgumentParser, endpoint: str, *, is_r
         metavar="S",
         help=f"a value is late above this age, or above its own limit (default: {MAX_AGE_S:g} s)",
     )
+    return group
 
 
 def router_table(args: argparse.Namespace) -> ZenohTable:

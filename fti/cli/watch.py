@@ -3,8 +3,8 @@
   fti watch                  live table of heights, integrity, glide slope and links; Ctrl-C ends it
   fti watch --once --json    one JSON object {"health", "hil", "outputs", "alarms", "events"} for a script
   fti watch --json           one such object a second
-  fti watch --router tcp/127.0.0.1:7447                     one row for each aircraft of a zenoh router
-  fti watch --router tcp/127.0.0.1:7447 --aircraft D-EFTI   one of them in full
+  fti watch --router tcp/127.0.0.1:7447      one row for each aircraft of a zenoh router
+  fti watch --router tcp/127.0.0.1:7447 --aircraft D-EFTI    one of them in full
 
 A value that is late or not valid is struck out; in JSON it has ``valid: false`` and, when late, ``late: true``.
 Of a router, JSON is {"aircraft": {NAME: such an object}}.
@@ -36,8 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--run-dir", metavar="DIR", help="run directory of the daemon, if several are running")
     which.add_argument("--name", metavar="NAME", help="name of its session, instead of --run-dir")
-    which.add_argument("--aircraft", metavar="NAME", help="with --router: this aircraft in full")
-    add_router_arguments(parser, "--router", is_required=False)
+    router = add_router_arguments(parser, "--router", is_required=False)
+    router.add_argument("--aircraft", metavar="NAME", help="show this aircraft in full")
     parser.add_argument("--once", action="store_true", help="show one state and exit")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 

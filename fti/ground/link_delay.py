@@ -11,7 +11,7 @@ MAX_DRIFT = 100e-6
 class LinkDelay:
     """Compares times of publication, by the clock of the aircraft, with times of arrival, by a clock of the ground.
 
-    Offset of the clocks and shortest delay cannot be told apart, and are not part of the result.  A message that was
+    Offset of the clocks and shortest delay cannot be distinguished, and are not part of the result.  A message that was
     delayed more than the quickest one so far is older by the difference.
     """
 
