@@ -109,6 +109,7 @@ WITHOUT_DAEMON = [
     Run("fti study trajectory --help", r"Default: \d+ runs, seed \d+"),
     Run("fti examples", r"research_aircraft"),
     Run("fti examples copy all configs", r"copies/demo\.toml", words={"configs": "copies"}),
+    Run("fti examples copy layouts .", r"layouts/foxglove\.json"),
     Run("fti examples copy research_aircraft mine", r"mine/research_aircraft\.toml"),
 ]
 #: While the emulator has opened its ports and no daemon runs.
