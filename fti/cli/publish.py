@@ -79,7 +79,7 @@ def _publish(args: argparse.Namespace, config: Config, recording: Recording) -> 
     from fti.publish.fan_out import FanOut
     from fti.publish.make_sinks import make_sinks
     from fti.publish.message import SessionIdentity
-    from fti.service.publish.sink_worker import SinkWorker
+    from fti.service.publish.sink_worker import SinkWorker, end_workers
 
     assert config.publish is not None
     aircraft = config.publish.aircraft or recording.session.partition("_")[0]
@@ -94,10 +94,7 @@ def _publish(args: argparse.Namespace, config: Config, recording: Recording) -> 
         _wait_for_queues(workers)
     except KeyboardInterrupt:
         was_interrupted = True
-    for worker in workers:
-        worker.request_end()
-    for worker in workers:
-        worker.join()
+    end_workers(workers)
     return was_interrupted, {worker.name: worker.health() for worker in workers}
 
 

@@ -69,6 +69,7 @@ class Soak:
     """The result of a run.
 
     sent, recorded : link -> frames and bytes; dropped : link -> frames; usage : of each process
+    sinks : the last report of each sink
     load : the fullest that any buffer of any link was, of its capacity (0 to 1); lag_ms : of navigation, at each sample
     verified : what ``fti verify`` said, and its exit code
     """
@@ -78,6 +79,7 @@ class Soak:
     sent: dict[str, tuple[int, int]] = field(default_factory=dict)
     recorded: dict[str, tuple[int, int]] = field(default_factory=dict)
     dropped: dict[str, int] = field(default_factory=dict)
+    sinks: dict[str, dict[str, Any]] = field(default_factory=dict)
     load: float = 0.0
     lag_ms: list[float] = field(default_factory=list)
     ring_lost: int = 0
@@ -109,9 +111,15 @@ class Soak:
         return "\n".join(rows)
 
 
-def run_soak(out: Path, duration_s: float, factor: float, tell: Callable[[str], None] = lambda line: None) -> Soak:
-    """Run the aircraft and the daemon for a duration [s]; everything is below ``out``."""
+def run_soak(
+    out: Path, duration_s: float, factor: float, tell: Callable[[str], None] = lambda line: None, publish: str = ""
+) -> Soak:
+    """Run the aircraft and the daemon for a duration [s]; everything is below ``out``.
+
+    publish : tables of ``[publish]``, in TOML; none: without them
+    """
     aircraft = Aircraft(out / "links", factor)
+    aircraft.config.write_text(f"{aircraft.config.read_text()}\n{publish}")
     try:
         with daemon(aircraft.config, out / "recordings", "--links", str(aircraft.links)) as running:
             until(lambda: _open_links(running.health()) == LINKS, 60, f"{LINKS} open links")
@@ -156,6 +164,8 @@ class _Health:
 
 def _observe(running: Daemon, duration_s: float, tell: Callable[[str], None]) -> Soak:
     pids = _pids(running)
+    if "publish" in running.health()["processes"]:
+        pids["publish"] = running.pid_of("publish")
     result = Soak(duration_s, {name: Usage() for name in pids})
     health = _Health(running)
     period = max(duration_s / SAMPLES, 0.2)
@@ -192,6 +202,7 @@ def _sample(usage: Usage, now: float, pid: int) -> None:
 
 
 def _note(result: Soak, health: dict[str, Any]) -> None:
+    result.sinks = health.get("sinks") or {}
     loads = [load for link in health["links"].values() for load in link["load"].values()]
     result.load = max(result.load, *loads)
     navigation, free = health["navigation"], health["storage"]["free_mb"]

@@ -12,7 +12,7 @@ from fti.publish.message import PublishedMessage
 from fti.publish.sink import SinkError
 from fti.publish.sink_queue import SinkQueue
 from fti.service.publish import sink_worker
-from fti.service.publish.sink_worker import SinkWorker
+from fti.service.publish.sink_worker import SinkWorker, end_workers
 from tests.helpers import until
 
 
@@ -147,3 +147,20 @@ def test_an_unexpected_failure_of_a_library_is_reported_and_retried(bench: Bench
     bench.worker.start()
     until(lambda: bench.sink.is_open)
     assert "panic of a Rust library" in bench.events[0][2]
+
+
+def test_several_blocked_sinks_share_the_time_of_the_end() -> None:
+    """The supervisor waits for 3 s altogether."""
+    benches = [Bench() for _ in range(6)]
+    for one in benches:
+        one.worker.start()
+        until(lambda one=one: one.sink.is_open)  # type: ignore[misc]
+        one.sink.blocked.clear()
+        one.queue.put(event(1))
+    time.sleep(0.1)
+    begin_s = time.monotonic()
+    assert len(end_workers([one.worker for one in benches], timeout_s=0.5)) == 6
+    assert time.monotonic() - begin_s < 6 * 0.5
+    for one in benches:
+        one.sink.blocked.set()
+        assert one.worker.join()

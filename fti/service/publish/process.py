@@ -19,7 +19,7 @@ from fti.publish.fan_out import FanOut
 from fti.publish.make_sinks import make_sinks
 from fti.publish.message import SessionIdentity
 from fti.service.control_channel import ControlChannel
-from fti.service.publish.sink_worker import END_S, SinkWorker
+from fti.service.publish.sink_worker import END_S, SinkWorker, end_workers
 
 PROCESS = "publish"
 REPORT_PERIOD_S = 1.0
@@ -64,10 +64,7 @@ class PublishProcess:
 
     def _end_workers(self) -> None:
         """Send what waits, and disconnect; a sink that blocks longer is left behind."""
-        for worker in self._workers:
-            worker.request_end()
-        late = [worker.name for worker in self._workers if not worker.join()]
-        for name in late:
+        for name in end_workers(self._workers):
             self._report("warning", f"publish {name}", f"did not end within {END_S:g} s; its last messages are lost")
 
     def _report(self, level: str, source: str, text: str) -> None:

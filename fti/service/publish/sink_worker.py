@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Sequence
 
 from fti.messages.health import SinkHealth
@@ -109,3 +110,14 @@ class SinkWorker:
         if self._fault != self._reported:
             self._reported = self._fault
             self._report("warning", f"publish {unit}", f"receives no data: {self._fault}; retried until it works")
+
+
+def end_workers(workers: Sequence[SinkWorker], timeout_s: float = END_S) -> list[str]:
+    """Send what waits, and disconnect; returns the names of sinks that are left behind because they block.
+
+    timeout_s : for all of them together [s]
+    """
+    for worker in workers:
+        worker.request_end()
+    end_s = time.monotonic() + timeout_s
+    return [worker.name for worker in workers if not worker.join(max(0.0, end_s - time.monotonic()))]
