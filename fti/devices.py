@@ -150,6 +150,29 @@ def check_beams(config: Config, devices: Sequence[BoundDevice]) -> None:
             raise ConfigError(f"{config.path}: device[{i}].altimeter.kind = 'multibeam': {text}")
 
 
+def check_scan_drift(config: Config, devices: Sequence[BoundDevice]) -> None:
+    """Check that the device of ``[nav.scan_drift]`` gives looks at the ground.  Raises ConfigError."""
+    settings = config.nav.scan_drift
+    bound = next((each for each in devices if settings and each.device.name == settings.device), None)
+    if settings is None or bound is None:
+        return
+    key, driver = f"{config.path}: nav.scan_drift", bound.device.driver
+    array = getattr(bound.options, "array", None)
+    if not drivers.has_turns(bound.driver) and array is None:
+        able = ", ".join(other for other in drivers.names() if drivers.has_turns(drivers.load(other)))
+        text = f"{driver} gives no scans; drivers that do: {able}, and binary_struct with device.options.array"
+        raise ConfigError(f"{key}.device = {settings.device!r}: {text}")
+    if array is not None and array.grid == "lines":
+        text = "gives lines, which do not overlap with those of an earlier time; array.grid must be 'image'"
+        raise ConfigError(f"{key}.device = {settings.device!r}: {text}")
+    if array is None and settings.exposure_s == 0.0:
+        text = f"a scan of {driver} is a part of a turn; must be the duration of a look, for example 0.1"
+        raise ConfigError(f"{key}.exposure_s = 0: {text}")
+    if array is not None and settings.exposure_s > 0.0:
+        text = "a scan is a whole image; must be 0"
+        raise ConfigError(f"{key}.exposure_s = {settings.exposure_s:g}: {text}")
+
+
 def check_alert_limits(config: Config) -> None:
     """Check that a position can be valid under ``[nav.alert_limits]``.  Raises ConfigError.
 

@@ -78,7 +78,7 @@ def _role_cells(description: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     for role, names in {**named, "approach": description["approach"]}.items():
         effect = f"outputs that need it stay invalid ({reasons[role]})" if role in reasons else ""
         yield (role, f"{names or 'none'}: {effect}" if effect else names)
-    for role, name in (("filter", "filter"), ("ground", "terrain_position")):
+    for role, name in (("filter", "filter"), ("ground", "terrain_position"), ("drift", "scan_drift")):
         if description[name]:
             yield (role, description[name])
 

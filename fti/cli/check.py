@@ -168,6 +168,7 @@ def describe(config: Config) -> dict[str, Any]:
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
         "filter": _filter(config.nav),
         "terrain_position": _terrain_position(config),
+        "scan_drift": _scan_drift(config.nav),
         "terrain": terrain,
         "terrain_layers": layers,
         "land_cover": _land_cover(config.nav),
@@ -203,6 +204,15 @@ def _terrain_position(config: Config) -> str | None:
     device = config.find_device(settings.altimeter)
     beams = " with all beams" if device and is_multibeam(device) else ""
     return f"profiles of {settings.altimeter}{beams}, {settings.window_s:g} s each, aid the filter"
+
+
+def _scan_drift(nav: Nav) -> str | None:
+    """The device whose looks give the drift, and their times; None without them."""
+    settings = nav.scan_drift
+    if settings is None:
+        return None
+    looks = f"looks of {settings.exposure_s:g} s" if settings.exposure_s else "images"
+    return f"{looks} of {settings.device} that overlap by half aid the filter after they have agreed with satellites"
 
 
 def _land_cover(nav: Nav) -> dict[str, Any] | None:

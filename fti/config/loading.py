@@ -69,6 +69,7 @@ def _check_references(config: Config, file: str) -> None:
         partial(_check_filter, config, devices, file),
         partial(_check_radio, config.nav, devices, file),
         partial(_check_terrain_position, config, file),
+        partial(_check_scan_drift, config.nav, devices, file),
         partial(_check_altimeters, config, file),
     ]
     check_all(checks)
@@ -136,6 +137,16 @@ def _check_terrain_position(config: Config, file: str) -> None:
     if nav.terrain_position.altimeter not in allowed:
         text = f"{nav.terrain_position.altimeter!r} is neither in nav.altimeters nor a multi-beam altimeter"
         raise ConfigError(f"{file}: nav.terrain_position.altimeter: {text}; allowed: {_join_names(allowed)}")
+
+
+def _check_scan_drift(nav: Nav, devices: list[str], file: str) -> None:
+    settings, table = nav.scan_drift, f"{file}: nav.scan_drift"
+    if settings is None:
+        return
+    if nav.filter is None or not nav.filter.gnss:
+        raise ConfigError(f"{table}: needs [nav.filter] with gnss: the drift is calibrated with satellites")
+    if settings.device not in devices:
+        raise ConfigError(f"{table}.device: {_unknown_device(settings.device, devices)}")
 
 
 def _check_filter(config: Config, devices: list[str], file: str) -> None:

@@ -676,6 +676,26 @@ class TerrainPositionTable(StrictModel):
     ] = 30.0
 
 
+class ScanDriftTable(StrictModel):
+    """``[nav.scan_drift]``: drift between two looks at the same ground, without a map; it aids the filter.
+
+    A look is an image, or what a scanner that turns measures in ``exposure_s``.  The next one is taken when the
+    aircraft has flown half of the length of the last one on the ground.  Needs ``[nav.filter]`` with receivers: the
+    drift aids without satellites only after it has agreed with them.
+    """
+
+    device: Annotated[Name, key("device that gives scans: a range imager, or a scanner that turns", NO_UNIT, "imager")]
+    range_sd_m: Annotated[Positive, key("1-sigma of the noise of a range", "m")] = 0.1
+    time_sd_ms: Annotated[
+        Positive, key("1-sigma of the time of a look against the inertial samples, another one in each look", "ms")
+    ] = 0.5
+    exposure_s: Annotated[
+        float,
+        Field(ge=0.0, le=0.2),
+        key("duration of a look; 0: each scan of the device is a whole image; a turn of a scanner", "s", 0.1),
+    ] = 0.0
+
+
 class UnstatedSd(StrictModel):
     """``[nav.unstated_sd]``: the sigma of a position or an attitude whose source states none.
 
@@ -770,6 +790,9 @@ class Nav(StrictModel):
     filter: Annotated[Filter | None, key("[nav.filter]; none: no inertial filter", NO_UNIT)] = None
     terrain_position: Annotated[
         TerrainPositionTable | None, key("[nav.terrain_position]; none: no position from the ground", NO_UNIT)
+    ] = None
+    scan_drift: Annotated[
+        ScanDriftTable | None, key("[nav.scan_drift]; none: no drift between looks at the ground", NO_UNIT)
     ] = None
     radio: Annotated[Radio | None, key("[nav.radio]; none: no position from satellites and DME", NO_UNIT)] = None
     approach: Annotated[Approach | None, key("[nav.approach]; none: no integrity monitor", NO_UNIT)] = None

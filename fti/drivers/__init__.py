@@ -17,6 +17,7 @@ A driver is a module of this package whose name does not begin with ``_``.  In t
                                                  argument is unknown, missing or out of range
     ``INERTIAL``     True if it gives specific force and angular rate; otherwise optional
     ``BEAMS``        True if it gives ranges along several beams; otherwise optional
+    ``SCANS``        True if it gives scans of a scanner that turns; otherwise optional
 
 Every input byte is framed, held or counted as skipped:
 ``bytes_in == framed + held + sum(skipped.values())``.
@@ -137,6 +138,11 @@ def load(name: str) -> Driver:
 def has_beams(driver: Driver) -> bool:
     """Does the driver provide ranges along several beams?"""
     return bool(getattr(driver, "BEAMS", False))
+
+
+def has_turns(driver: Driver) -> bool:
+    """Does the driver provide scans of a scanner that turns, each of which is a part of a turn?"""
+    return bool(getattr(driver, "SCANS", False))
 
 
 def is_inertial(driver: Driver) -> bool:

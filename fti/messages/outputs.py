@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from fti.messages.reasons import Reason
 from fti.messages.tables import Message
-from fti.messages.units import Count, Metres, MetresPerSecond, Nanoseconds, Radians, Ratio
+from fti.messages.units import Count, Metres, MetresPerSecond, Nanoseconds, Radians, Ratio, Seconds
 
 
 class Compensation(StrEnum):
@@ -333,6 +333,44 @@ class TerrainFix(Message, kw_only=True):
     length: Metres | None = None
 
 
+class GroundDrift(Message, kw_only=True):
+    """Drift of the inertial solution between two looks at the same ground; it aids the filter while it is valid.
+
+    t_valid_ns : time of the later look [ns]; repeated twice a second until the next one
+    valid      : the filter has accepted it, and it had agreed with satellites before
+    interval   : from the first look to the second [s]
+    directions : number of directions in which the ground determines the drift, 0 to 3
+    north, east, down : computed minus true displacement of P from look to look [m]; None unless all are determined
+    north_sd, east_sd, down_sd : one sigma of each
+    overlap    : share of the points of both looks on common ground
+    points     : points of the later look that are compared
+    pairs, refused : pairs of looks since the start, and those of them that did not aid
+    range_share, range_share_sd : estimated error of the sensor as a share of its ranges, and its sigma
+    yaw, yaw_sd : estimated error of its mounting about the vertical axis of the aircraft, and its sigma [rad]
+    """
+
+    t_ns: Nanoseconds
+    t_valid_ns: Nanoseconds | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    interval: Seconds | None = None
+    directions: Count = 0
+    north: Metres | None = None
+    east: Metres | None = None
+    down: Metres | None = None
+    north_sd: Metres | None = None
+    east_sd: Metres | None = None
+    down_sd: Metres | None = None
+    overlap: Ratio | None = None
+    points: Count = 0
+    pairs: Count = 0
+    refused: Count = 0
+    range_share: Ratio | None = None
+    range_share_sd: Ratio | None = None
+    yaw: Radians | None = None
+    yaw_sd: Radians | None = None
+
+
 class SourceValidity(Message, kw_only=True):
     """Result of the tests of a device that gives position, altitude or attitude.
 
@@ -409,6 +447,7 @@ Output = (
     | VerticalSolution
     | PositionFix
     | TerrainFix
+    | GroundDrift
     | SourceValidity
     | ProvisionalSolution
 )

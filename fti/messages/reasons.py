@@ -66,6 +66,11 @@ class Reason(StrEnum):
     TOO_FEW_HEIGHTS = "too_few_heights"
     NOT_CONFIRMED = "not_confirmed"  # three fixes in succession must agree first
     MAP_UNVERIFIED = "map_unverified"  # without satellites a displaced map is not detected
+    # of the drift between two looks at the ground
+    FEW_POINTS = "few_points"  # the looks have too little ground in common, or too few returns
+    LOOKS_MISFIT = "looks_misfit"  # the looks fit nowhere
+    UNEXPECTED_DRIFT = "unexpected_drift"  # the drift contradicts the filter
+    NOT_CALIBRATED = "not_calibrated"  # it has not agreed with satellites for long enough
     # of the filters
     NO_IMU = "no_imu"
     NO_GNSS = "no_gnss"

@@ -2,7 +2,7 @@
 
 Each exists if it is configured (``[nav.filter]``, ``[nav.radio]``), receives every measurement, and gives outputs at
 its own rate, whether they are used or not.  Positions from the ground (``[nav.terrain_position]``) aid the filter: they
-are used before the radio fix.
+are used before the radio fix.  Drifts over the ground (``[nav.scan_drift]``) aid it, too.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from fti.messages.measurements import BeamRange, Measurement
 from fti.messages.outputs import Event, HeightAboveGround, Output
 from fti.messages.refusals import CarriedRefusal
 from fti.nav.confirmation import Confirmation, Size
+from fti.nav.ground_drift import GroundDriftAiding
 from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
 from fti.nav.plausibility.source import UnconfirmedSource
@@ -37,10 +38,11 @@ class Fallbacks:
     def __init__(self, config: Config, observer: TerrainObserver | None = None) -> None:
         nav, devices = config.nav, {device.name: device for device in config.device}
         ground = nav.terrain_position
-        map_sd = ground.map_sd_m if ground else None
-        self._aided = AidedNavigation(nav.filter, devices, map_sd) if nav.filter else None
+        map_sd, scans = ground.map_sd_m if ground else None, nav.scan_drift
+        self._aided = AidedNavigation(nav.filter, devices, map_sd, has_looks=bool(scans)) if nav.filter else None
         self._observer = observer
         self._ground = TerrainPosition(ground, devices, self._aided, observer) if ground and self._aided else None
+        self._drift = GroundDriftAiding(scans, devices[scans.device], self._aided) if scans and self._aided else None
         self._radio = RadioPosition(nav.radio, devices) if nav.radio else None
         self._ticks = 0
 
@@ -52,8 +54,8 @@ class Fallbacks:
 
     def handlers(self, device: str, kind: type[Measurement]) -> list[Callable[[Any, int], None]]:
         """Handlers of measurements of a kind of a device; they take a measurement and its time of validity."""
-        parts = [part for part in (self._aided, self._radio, self._observer) if part and part.accepts(device, kind)]
-        return [partial(part.feed, device) for part in parts]
+        parts = (self._aided, self._drift, self._radio, self._observer)
+        return [partial(part.feed, device) for part in parts if part and part.accepts(device, kind)]
 
     def feed_unconfirmed(self, device: str, m: Measurement, unconfirmed: UnconfirmedSource, t_ns: int) -> None:
         """Take a measurement of an unconfirmed source: it aids a provisional filter only."""
@@ -92,6 +94,8 @@ class Fallbacks:
         if self._aided and self._ground:
             out += self._ground.tick(t_ns)
             self._aided.set_ground_contradicting(self._ground.is_contradicting)
+        if self._drift:
+            out += self._drift.tick(t_ns)
         if self._aided and self._ticks % FILTER_TICKS == 0:
             self._aided.set_suspects(find_suspects())
             out += [*self._aided.events(t_ns), self._aided.solution(t_ns), *self._aided.provisional_solutions(t_ns)]

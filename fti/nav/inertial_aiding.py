@@ -1,11 +1,11 @@
 """Live aided inertial navigation: the error-state filter and the vertical channel, with measurements of devices.
 
 Both use the inertial samples of one device.  The filter is aided by GNSS, pressure altitude, altimeters over known
-ground, airspeed and magnetic heading, and replaces devices that no longer give position, altitude or attitude.  The
-vertical channel gives the altitude if the filter does not, either.  Heights of altimeters are used once a second,
-because consecutive samples are from the same ground.  Stated sigmas of positions and of the ground are mostly slow
-errors: they scale the slow state, so that many fixes do not average out a common error.  A velocity every dt has the
-variance sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing runs.
+ground, airspeed, magnetic heading and drifts over the ground, and replaces devices that no longer give position,
+altitude or attitude.  The vertical channel gives the altitude if the filter does not, either.  Heights of altimeters
+are used once a second, because consecutive samples are from the same ground.  Stated sigmas of positions and of the
+ground are mostly slow errors: they scale the slow state, so that many fixes do not average out a common error.  A
+velocity every dt has the variance sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing runs.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ from fti.nav.filter.error_states import (
 )
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import GateStates
+from fti.nav.filter.look_mark import LookDrift, LookMark, look_drifts
 from fti.nav.filter.navigator import InertialNavigator, is_known
 from fti.nav.filter.position_mark import MarkedPosition, PositionMark, mark_drifts
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
@@ -97,6 +98,8 @@ BARO_NS = 2_000_000_000
 HEIGHT_NS = 1_000_000_000
 #: Satellites that were accepted within so long verify the map [ns].
 SATELLITES_NS = 10_000_000_000
+#: Looks at the ground that are states: those of one pair.
+LOOKS = 2
 
 
 class AidedNavigation:
@@ -104,12 +107,15 @@ class AidedNavigation:
 
     settings : which devices feed them; devices : all, by name
     map_sd   : horizontal sigma of the elevation if positions from the ground aid [m]; None: they do not
+    has_looks : whether the drift between looks at the ground aids
     """
 
-    def __init__(self, settings: Filter, devices: dict[str, Device], map_sd: float | None = None) -> None:
+    def __init__(
+        self, settings: Filter, devices: dict[str, Device], map_sd: float | None = None, *, has_looks: bool = False
+    ) -> None:
         self._settings = settings
         self._arms = {name: device.lever_arm_b for name, device in devices.items()}
-        self._navigator = InertialNavigator(_model(settings, map_sd))
+        self._navigator = InertialNavigator(_model(settings, map_sd, LOOKS if has_looks else 0))
         self._exclusions = ExclusionEvents(self._navigator, settings.altimeters)
         self._faults = FaultDetection(self._navigator, settings)
         self._dead_reckoning = DeadReckoningAids(settings)
@@ -321,7 +327,17 @@ class AidedNavigation:
         self._solution = None
         self._navigator.feed_aiding(t_ns, aiding)
 
+    def feed_look(self, t_ns: int, aiding: LookMark | LookDrift) -> None:
+        """A mark of a look at the ground, or a drift between two looks (``fti.nav.ground_drift``)."""
+        self._solution = None
+        self._navigator.feed_aiding(t_ns, aiding)
+
     # ---------------------------------------------------------------------------------------------------------- outputs
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Time of the newest inertial sample; None before the first one."""
+        return self._navigator.newest_ns
 
     def estimate(self, t_ns: int) -> Estimate | None:
         """State and covariance of the filter; None while it is not aligned, and where it does not reach."""
@@ -334,10 +350,10 @@ class AidedNavigation:
             return None
         return (self._last_accepted_ns(name) or 0) >= t_ns
 
-    def has_satellites(self, t_ns: int) -> bool:
-        """Whether the filter has accepted a position of a receiver within ``SATELLITES_NS``."""
+    def has_satellites(self, t_ns: int, within_ns: int = SATELLITES_NS) -> bool:
+        """Whether the filter has accepted a position of a receiver within so long."""
         accepted = (self._last_accepted_ns(f"{device}.position") for device in self._settings.gnss)
-        return any(accepted_ns is not None and t_ns - accepted_ns <= SATELLITES_NS for accepted_ns in accepted)
+        return any(accepted_ns is not None and t_ns - accepted_ns <= within_ns for accepted_ns in accepted)
 
     def _last_accepted_ns(self, name: str) -> int | None:
         state = self._navigator.gate_states.get(name)
@@ -506,7 +522,7 @@ def _drift_factor(sd: float, drift: Drift) -> float:
     return max(1.0, sd / drift.sd)
 
 
-def _model(settings: Filter, map_sd: float | None) -> FilterModel:
+def _model(settings: Filter, map_sd: float | None, looks: int) -> FilterModel:
     extras = receiver_drifts(settings.gnss)
     if settings.baro:
         extras |= {Extra.BARO: BARO_DRIFT, Extra.BARO_SCALE: BARO_SCALE_DRIFT}
@@ -517,4 +533,5 @@ def _model(settings: Filter, map_sd: float | None) -> FilterModel:
     extras |= AIRSPEED_DRIFTS if settings.airspeed else {}
     extras |= HEADING_DRIFTS if settings.heading else {}
     extras |= mark_drifts(map_sd) if map_sd is not None else {}
+    extras |= look_drifts(looks) if looks else {}
     return FilterModel(IMU_ERROR_MODELS[settings.unit], settings.states == 15, extras)

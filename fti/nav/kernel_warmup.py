@@ -10,7 +10,7 @@ from fti.geodesy.local import LocalFrame
 from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import radii
-from fti.nav import terrain_methods
+from fti.nav import look_pairs, terrain_methods
 from fti.nav.altimetry import expected_range
 from fti.nav.filter.navigator import warm_up as warm_up_filter
 from fti.nav.integrity import statistics, window
@@ -25,6 +25,8 @@ def warm_up(config: Config, ground: Ground | None) -> None:
         window.warm_up()
     if config.nav.filter:
         warm_up_filter()
+    if config.nav.scan_drift:
+        look_pairs.warm_up()
     if config.nav.terrain_position:
         terrain_methods.warm_up()
     for name in config.nav.altimeters:

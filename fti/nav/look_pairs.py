@@ -8,7 +8,7 @@ one pair as the first and in one as the second.  The filter marks position and a
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,33 +16,53 @@ import numpy as np
 from fti.arrays import Array
 from fti.constants import SECOND_NS
 from fti.geodesy.local import LocalFrame
-from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.error_states import FilterModel
+from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.kernels import largest_sd
-from fti.nav.filter.look_mark import LookDrift, LookMark
+from fti.nav.filter.look_mark import LookDrift, LookMark, look_drifts
+from fti.nav.filter.measurement_update import update_estimate
 from fti.nav.scan_matching.look import Look, place_look
-from fti.nav.scan_matching.registration import ScanDrift, register
+from fti.nav.scan_matching.registration import ScanDrift, point_distance, register
+
+#: One sigma of the drift that a filter expects which has marked the first look [m].  The states of a look that it has
+#: not marked are unknown (``MARK_DRIFT``): after a restart, or an exclusion that continues from a copy of the filter.
+MAX_EXPECTED_SD_M = 1000.0
+#: Gyro bias in ``Estimate.y``.
+GYRO = slice(13, 16)
+#: An error of the surface between the points is smaller in height.
+HEIGHT_SHARE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class RangeImage:
-    """Ranges of one instant.
+    """Ranges of a look, as seen from the aircraft at its time.
 
-    ranges       : ndarray, shape (n,) [m]   from P; NaN without a return
-    directions_b : ndarray, shape (n, 3)     unit vectors in body axes
+    ranges       : ndarray, shape (n,) [m]   from the origins; NaN without a return
+    directions_b : ndarray, shape (n, 3)     unit vectors in the body axes of the time of the look
     sd           : one sigma of the noise of a range [m]
+    origins_b    : ndarray, shape (n, 3) or (3,) [m]   from P at the time of the look to the sensor when it measured
+    offsets_s    : ndarray, shape (n,) [s]   times of the ranges after that of the look; None: all are measured then
     """
 
     ranges: Array
     directions_b: Array
     sd: float
+    origins_b: Array = field(default_factory=lambda: np.zeros(3))
+    offsets_s: Array | None = None
 
 
 class _PlacedImage(NamedTuple):
-    """An image, and the pose that places it, at t_ns."""
+    """An image, and the pose that places it, at t_ns, with its velocity [m/s] and turn rate [rad/s], e."""
 
     image: RangeImage
     mark: LookMark
     t_ns: int
+    vel_e: Array
+    rate_e: Array
+
+    def motion_at(self, point_e: Array) -> Array:
+        """Velocity of a point that is fixed to the aircraft [m/s]: its error with a look that is a second late."""
+        return self.vel_e + np.cross(self.rate_e, point_e - self.mark.x_e)
 
 
 class PairResult(NamedTuple):
@@ -57,9 +77,12 @@ class LookPairs:
     """The last looks.
 
     spacing : looks from the first of a pair to the second
+    time_sd : one sigma of the time of a look, another one in each look [s]
+    share_sd : one sigma of a horizontal drift over the distance of the points of a look
     """
 
-    def __init__(self, spacing: int) -> None:
+    def __init__(self, spacing: int, *, time_sd: float = 0.0, share_sd: float = 0.0) -> None:
+        self._time_sd, self._share_sd = time_sd, share_sd
         self._looks: deque[_PlacedImage] = deque(maxlen=spacing + 1)
         self._count = 0
 
@@ -69,44 +92,63 @@ class LookPairs:
         assert self._looks.maxlen is not None
         return self._looks.maxlen
 
+    def clear(self) -> None:
+        """Forget the looks: they are not compared with later ones."""
+        self._looks.clear()
+
     def feed(self, estimate: Estimate, image: RangeImage) -> PairResult:
         """Compare a look with the first of its pair.  estimate : the filter's, at the time of the look"""
         mark = LookMark(self._count % self.slots, estimate.y[:3].copy(), estimate.mat_eb.copy())
-        self._looks.append(_PlacedImage(image, mark, estimate.t_ns))
+        rate_e = estimate.mat_eb @ (estimate.imu[3:6] - estimate.y[GYRO])
+        self._looks.append(_PlacedImage(image, mark, estimate.t_ns, estimate.y[3:6].copy(), rate_e))
         self._count += 1
         if len(self._looks) < self.slots:
             return PairResult(mark, None, None)
-        drift, aiding = _compare(estimate, self._looks[0], self._looks[-1])
-        return PairResult(mark, drift, aiding)
+        return PairResult(mark, *self._compare(estimate, self._looks[0], self._looks[-1]))
 
+    def _compare(
+        self, estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage
+    ) -> tuple[ScanDrift | None, LookDrift | None]:
+        """The drift between two looks, if the first is a state of the filter.  estimate : the filter's, at the later"""
+        frame = LocalFrame(*estimate.geodetic)
+        first, second = (_place(each, frame, later.t_ns) for each in (earlier, later))
+        middle_e = frame.origin_e
+        if len(second):
+            middle_e = middle_e + frame.mat_le.T @ np.mean(second.points_l, axis=0)
+        expected_e, sd = _expected_drift(estimate, earlier.mark, later.mark, middle_e)
+        if not sd <= MAX_EXPECTED_SD_M:
+            return None, None
+        expected_l, turn_l = frame.mat_le @ expected_e, frame.mat_le @ earlier.mark.states_of(estimate)[3:]
+        middle_l = frame.mat_le @ (middle_e - frame.origin_e)
+        moved = second.moved(-expected_l - np.cross(turn_l, second.points_l - middle_l))
+        drift = register(first, moved, sd, changing=later.image.offsets_s is not None)
+        if not len(drift.drift):
+            return drift, None
+        centre_e = frame.origin_e + frame.mat_le.T @ drift.centre_l
+        axes_e = drift.axes_l @ frame.mat_le
+        cov = drift.cov + self._more_cov(drift.axes_l, axes_e, point_distance(second), centre_e, (earlier, later))
+        at_centre_l = expected_l + np.cross(turn_l, drift.centre_l - middle_l)
+        drift = replace(drift, drift=drift.drift + drift.axes_l @ at_centre_l, cov=cov)
+        return drift, LookDrift(earlier.mark, later.mark, centre_e, axes_e, drift.drift, drift.cov, drift.roughness)
 
-def _compare(estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage) -> tuple[ScanDrift, LookDrift | None]:
-    """The drift between two looks.  estimate : the filter's, at the later one"""
-    frame = LocalFrame(*estimate.geodetic)
-    first, second = (_place(each, frame, later.t_ns) for each in (earlier, later))
-    middle_e = frame.origin_e
-    if len(second):
-        middle_e = middle_e + frame.mat_le.T @ np.mean(second.points_l, axis=0)
-    expected_e, sd = _expected_drift(estimate, earlier.mark, later.mark, middle_e)
-    expected_l, turn_l = frame.mat_le @ expected_e, frame.mat_le @ earlier.mark.states_of(estimate)[3:]
-    middle_l = frame.mat_le @ (middle_e - frame.origin_e)
-    drift = register(first, second.moved(-expected_l - np.cross(turn_l, second.points_l - middle_l)), sd)
-    if not len(drift.drift):
-        return drift, None
-    at_centre_l = expected_l + np.cross(turn_l, drift.centre_l - middle_l)
-    drift = replace(drift, drift=drift.drift + drift.axes_l @ at_centre_l)
-    centre_e = frame.origin_e + frame.mat_le.T @ drift.centre_l
-    axes_e = drift.axes_l @ frame.mat_le
-    return drift, LookDrift(earlier.mark, later.mark, centre_e, axes_e, drift.drift, drift.cov, drift.roughness)
+    def _more_cov(
+        self, axes_l: Array, axes_e: Array, distance: float, centre_e: Array, pair: tuple[_PlacedImage, _PlacedImage]
+    ) -> Array:
+        """Covariance of errors that the residuals do not show [m^2].  distance : of the points of a look [m]"""
+        level = self._share_sd * distance * axes_l * [1.0, 1.0, HEIGHT_SHARE]
+        moved = [self._time_sd * axes_e @ each.motion_at(centre_e) for each in pair]
+        return np.asarray(level @ level.T + sum(np.outer(each, each) for each in moved))
 
 
 def _place(placed: _PlacedImage, frame: LocalFrame, now_ns: int) -> Look:
     """The look in a frame, with times after ``now_ns``."""
-    image, mark, t_ns = placed
-    origin_l = frame.mat_le @ (mark.x_e - frame.origin_e)
-    directions_l = image.directions_b @ (frame.mat_le @ mark.mat_eb).T
-    t = np.full(len(image.ranges), (t_ns - now_ns) / SECOND_NS)
-    return place_look(origin_l, directions_l, image.ranges, t, image.sd)
+    image, mark = placed.image, placed.mark
+    mat_lb = frame.mat_le @ mark.mat_eb
+    origins_l = frame.mat_le @ (mark.x_e - frame.origin_e) + image.origins_b @ mat_lb.T
+    t = np.full(len(image.ranges), (placed.t_ns - now_ns) / SECOND_NS)
+    if image.offsets_s is not None:
+        t += image.offsets_s
+    return place_look(origins_l, image.directions_b @ mat_lb.T, image.ranges, t, image.sd)
 
 
 def _expected_drift(estimate: Estimate, first: LookMark, second: LookMark, middle_e: Array) -> tuple[Array, float]:
@@ -116,3 +158,22 @@ def _expected_drift(estimate: Estimate, first: LookMark, second: LookMark, middl
     level = estimate.mat_en.T[:2] @ H
     cov = level @ estimate.P @ level.T
     return -innovation, largest_sd(float(cov[0, 0]), float(cov[1, 1]), float(cov[0, 1]))
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache: two pairs over waves of ground, 100 m below."""
+    model = FilterModel(extras=look_drifts(2))
+    start = InitialState(0.0, 0.0, 0.0, (10.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.1,) * 3, (0.01,) * 3)
+    estimate, side = start.estimate(0, np.zeros(6), model), np.linspace(-0.5, 0.5, 40)
+    x, y = (each.ravel() for each in np.meshgrid(side, side))
+    length = np.sqrt(1.0 + x**2 + y**2)
+    directions_b = np.stack((x, y, np.ones(len(x))), axis=1) / length[:, None]
+    ranges = (100.0 + np.sin(10.0 * x) * np.sin(10.0 * y)) * length
+    for offsets_s in (None, np.linspace(-0.05, 0.05, len(x))):
+        pairs = LookPairs(1)
+        for image in 2 * [RangeImage(ranges, directions_b, 0.1, offsets_s=offsets_s)]:
+            result = pairs.feed(estimate, image)
+            estimate = update_estimate(estimate, {}, result.mark, 0).estimate
+        for is_on_trial in (True, False):
+            if result.aiding is not None:
+                update_estimate(estimate, {}, replace(result.aiding, is_on_trial=is_on_trial), 0)

@@ -54,6 +54,7 @@ MESSAGES = {
     "position": "state of the pulse per second, GPRMC sentence",
 }
 CARRIERS = frozenset({"udp"})
+SCANS = True
 
 
 def make_decoder(options: Options) -> Decoder:
@@ -70,4 +71,4 @@ def make_encoder(options: Options) -> Encoder:
     return Encoder(options)
 
 
-__all__ = ["CARRIERS", "COMMANDS", "DOCUMENT", "MESSAGES", "Options", "make_decoder", "make_encoder"]
+__all__ = ["CARRIERS", "COMMANDS", "DOCUMENT", "MESSAGES", "SCANS", "Options", "make_decoder", "make_encoder"]

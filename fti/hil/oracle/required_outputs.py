@@ -18,7 +18,7 @@ GLIDE, LOCATION = "/nav/glide_slope", "/nav/location"
 VALIDITY = "/nav/source_validity"
 HEIGHT_BELOW = "/nav/height_below_aircraft"
 FILTER, VERTICAL, FIX = "/nav/filter_solution", "/nav/vertical_solution", "/nav/position_fix"
-GROUND_FIX = "/nav/terrain_fix"
+GROUND_FIX, GROUND_DRIFT = "/nav/terrain_fix", "/nav/ground_drift"
 SOLUTION_HZ, FILTER_HZ, FIX_HZ = 25.0, 5.0, 2.0
 #: Repetition rate of unchanged outputs; maximum update rates of the monitor and of the validity of a source [Hz].
 REPEAT_HZ, MONITOR_HZ, VALIDITY_HZ = 2.0, 5.0, 10.0
@@ -38,6 +38,10 @@ ALIGNMENT_S, FIRST_FIX_S = 20.0, 5.0
 FILTER_MEMORY_S, FIX_MEMORY_S, SAMPLE_MEMORY_S = 30.0, 10.0, 3.0
 #: Profiles until a fix is confirmed, with the alignment; and the largest age of one.
 PROFILES = 4
+#: Rate of the drift over the ground: the repetition, and after each pair of looks [Hz].
+DRIFT_HZ = (0.9 * FIX_HZ, 7.5)
+#: Time in which it agrees with satellites before it is valid; and the largest age of a valid one [s].
+CALIBRATION_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +117,12 @@ def _navigation_outputs(nav: Nav) -> Iterator[RequiredOutput]:
         lead_s = ALIGNMENT_S + PROFILES * nav.terrain_position.window_s
         yield RequiredOutput(
             GROUND_FIX, inputs, _tolerance_band(FIX_HZ), 1.1, lead_s, always_gap_s=1.1, lead_s=lead_s, memory_s=lead_s
+        )
+    if nav.filter and nav.scan_drift:
+        inputs = _devices((nav.filter.imu, nav.scan_drift.device), nav.filter.gnss, nav.filter.baro, *roles)
+        lead_s = ALIGNMENT_S + CALIBRATION_S
+        yield RequiredOutput(
+            GROUND_DRIFT, inputs, DRIFT_HZ, 1.1, lead_s, always_gap_s=1.1, lead_s=lead_s, memory_s=lead_s
         )
     if nav.radio:
         inputs = _devices((nav.radio.receiver, nav.radio.altimeter), *roles)

@@ -54,6 +54,10 @@ class Aiding(Protocol):
     def corrects_own_states_only(self) -> bool:
         """Whether it corrects its own states only, while others bound the horizontal."""
 
+    @property
+    def is_on_trial(self) -> bool:
+        """Whether it corrects its own states only, whatever others bound: it is not verified yet."""
+
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """z, H, R at the estimate of the same time."""
 
@@ -65,6 +69,7 @@ class LastingErrors:
     can_reinitialise = False
     is_new_source = False
     corrects_own_states_only = False
+    is_on_trial = False
 
 
 class NoOwnStates(LastingErrors):
@@ -171,6 +176,7 @@ class BaroAltitude:
     own_states = (Extra.BARO,)
     can_reinitialise = True  # a new pressure setting is a new offset
     corrects_own_states_only = False
+    is_on_trial = False
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
         """z = alt_measured - alt - drift - scale alt_measured."""

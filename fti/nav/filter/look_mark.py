@@ -39,7 +39,7 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.kernel import kernel
-from fti.nav.filter.aiding import NO_AXES, NoOwnStates, enter_drift, skew
+from fti.nav.filter.aiding import NO_AXES, LastingErrors, enter_drift, skew
 from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.error_states import LOOK, Drift
 from fti.nav.filter.estimate import Estimate
@@ -49,8 +49,8 @@ from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
 
 #: States of a look: position and turn.
 STATES = 6
-#: Name of the drifts in the filter; devices name no quantity so.
-SCAN_DRIFT = "scan.drift"
+#: Names of drifts and of marks in the filter; devices name no quantity so.
+SCAN_DRIFT, SCAN_MARK = "scan.drift", "scan.mark"
 #: Share of the ranges, share of the roughness, and mounting about body z [rad], by their names.
 SHARE, COVER, YAW = "scan_share", "scan_cover", "scan_yaw"
 #: Air delays light by 2.8e-4 of the way at sea level; a range that is not corrected is so much too long.
@@ -112,7 +112,7 @@ class LookMark(StateCopy):
     slot: int
     x_e: Array
     mat_eb: Array
-    name: str = "scan.mark"
+    name: str = SCAN_MARK
 
     @property
     def is_conceivable(self) -> bool:
@@ -140,8 +140,10 @@ class LookMark(StateCopy):
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class LookDrift(NoOwnStates):
+class LookDrift(LastingErrors):
     """The measured drift from a marked look to the present one.
+
+    On trial it corrects the errors of the sensor only; its rows are then independent, with sigma 1.
 
     first, second : poses of the two looks; the first one is marked
     centre_e : ndarray, shape (3,) [m]    middle of the ground that both looks see
@@ -149,6 +151,7 @@ class LookDrift(NoOwnStates):
     drift    : ndarray, shape (m,) [m]    computed minus true displacement along them
     cov      : ndarray, shape (m, m) [m^2]
     roughness : of the ground [m], ``ScanDrift``
+    is_on_trial : whether it has not agreed with satellites yet
     """
 
     first: LookMark
@@ -158,8 +161,14 @@ class LookDrift(NoOwnStates):
     drift: Array
     cov: Array
     roughness: float = 0.0
+    is_on_trial: bool = False
     name: str = SCAN_DRIFT
     bounds = NO_AXES  # with a drift only, the position still drifts slowly
+
+    @property
+    def own_states(self) -> tuple[str, ...]:
+        """The errors of the sensor, while it is on trial."""
+        return (SHARE, COVER, YAW) if self.is_on_trial else ()
 
     @property
     def is_conceivable(self) -> bool:
@@ -189,7 +198,11 @@ class LookDrift(NoOwnStates):
             expected[i] += enter_drift(estimate, COVER, rows[i], float(longer[i] * rough))
             expected[i] += enter_drift(estimate, YAW, rows[i], float(aside[i]))
         cov = self.cov + self.axes_e @ _second_order(estimate.P[TURN:ACCEL, TURN:ACCEL], longer) @ self.axes_e.T
-        return self.drift - self.axes_e @ expected, np.ascontiguousarray(self.axes_e @ rows), cov
+        z, H = self.drift - self.axes_e @ expected, np.ascontiguousarray(self.axes_e @ rows)
+        if not self.is_on_trial:
+            return z, H, cov
+        root = np.linalg.cholesky(cov)
+        return np.linalg.solve(root, z), np.ascontiguousarray(np.linalg.solve(root, H)), np.eye(len(z))
 
 
 def _second_order(turn_cov: Array, longer: Array) -> Array:

@@ -63,7 +63,7 @@ def update_estimate(estimate: Estimate, states: GateStates, aiding: Aiding, t_ns
     if state is not None and state.exclusion.cause is not None:
         return _consider(estimate, states, aiding, t_ns, matrices)
     z, H, R = matrices
-    if aiding.corrects_own_states_only and is_bounded_by_others(states, aiding, t_ns):
+    if aiding.is_on_trial or (aiding.corrects_own_states_only and is_bounded_by_others(states, aiding, t_ns)):
         after, nis = consider_update(estimate, aiding.own_states, z, H, R)
     else:
         after, nis = apply_update(estimate, estimate.P.copy(), z, H, R)

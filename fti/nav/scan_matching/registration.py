@@ -61,13 +61,15 @@ class Refusal(StrEnum):
     FEW_POINTS : the looks have too little ground in common
     FLAT       : the ground does not determine a horizontal direction
     AMBIGUOUS  : the looks fit at another shift almost as well
-    UNEXPECTED : the drift is not consistent with the expected one, or the search does not end
+    UNEXPECTED : the drift is not consistent with the expected one
+    MISFIT     : the search does not end: the looks fit nowhere
     """
 
     FEW_POINTS = "few_points"
     FLAT = "flat"
     AMBIGUOUS = "ambiguous"
     UNEXPECTED = "unexpected"
+    MISFIT = "misfit"
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +182,8 @@ def register(
         return _result(pair, sums, axes, shift, expected_sd)
     except _RefusalError as error:
         return _refused(error.reason, first, second)
+    except np.linalg.LinAlgError:  # singular: the points do not determine the height, or the change with time
+        return _refused(Refusal.FLAT, first, second)
 
 
 def point_distance(look: Look) -> float:
@@ -220,7 +224,7 @@ def _refine(pair: _Pair, shift: Array) -> tuple[_Sums, Array, Array]:
         shift = shift + change
         if float(np.abs(change[:3]).max()) < RESOLUTION_M:
             return sums, axes, shift
-    raise _RefusalError(Refusal.UNEXPECTED)
+    raise _RefusalError(Refusal.MISFIT)
 
 
 def _measurable_axes(sums: _Sums) -> Array:

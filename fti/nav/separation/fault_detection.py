@@ -69,7 +69,7 @@ class FaultDetection:
 
     def __init__(self, navigator: InertialNavigator, settings: Filter) -> None:
         self._navigator = navigator
-        self._classes = make_classes(settings) if settings.gnss else []
+        self._classes = make_classes(settings, has_looks=bool(navigator.model.looks)) if settings.gnss else []
         self._ground = GroundWatch(settings) if settings.gnss and MARK[0] in navigator.model.columns else None
         self._refused: dict[str, ExcludedReceiver] = {}  # by label
         self._events: list[Event] = []

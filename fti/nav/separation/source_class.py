@@ -6,7 +6,8 @@
 
 Copies of the first two do not use altimeters, either: altimeters are tested against satellites by their own states
 (``fti.nav.filter.exclusion``), and a copy with a wrong altimeter would contradict the satellites instead.  For the same
-reason copies without satellites do not use the barometer, whose errors tilt them, airspeed and magnetic heading.
+reason copies without satellites do not use the barometer, whose errors tilt them, airspeed, magnetic heading and drifts
+between looks at the ground.
 Source: the specification in docs/fault-detection.md.
 Checked against: tests/nav/test_fault_detection.py.
 """
@@ -20,6 +21,7 @@ from fti.config import Filter
 from fti.constants import SECOND_NS
 from fti.nav.dead_reckoning_aids import dead_reckoning_names
 from fti.nav.exclusion_events import altitude_name
+from fti.nav.filter.look_mark import SCAN_DRIFT
 from fti.nav.filter.segment import FilterSegment, Moment, Piece
 from fti.nav.separation.absence import AbsenceMonitor
 from fti.nav.separation.copy_ring import CopyRing, RingSettings
@@ -145,13 +147,13 @@ def long_absence_ns(unit: str) -> int:
     return COPIES * STEPS_NS[unit]
 
 
-def make_classes(settings: Filter) -> list[SourceClass]:
-    """Classes of the receivers that aid; the satellites first."""
+def make_classes(settings: Filter, *, has_looks: bool = False) -> list[SourceClass]:
+    """Classes of the receivers that aid; the satellites first.  has_looks : drifts between looks aid, too"""
     receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
     altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
     ring = RingSettings(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
-    aids = dead_reckoning_names(settings)
+    aids = dead_reckoning_names(settings) | (frozenset({SCAN_DRIFT}) if has_looks else frozenset())
     others = altimeters | aids | frozenset(altitude_name(device) for device in settings.baro)
     satellites = CopyRing(names_of(receivers, QUANTITIES) | others, names_of(receivers, tested), ring)
     long_ns = long_absence_ns(settings.unit)

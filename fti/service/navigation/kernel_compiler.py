@@ -57,6 +57,10 @@ def _kernels(config: Config) -> list[Any]:
         from fti.nav.filter import kernels  # noqa: PLC0415
 
         needed.append(kernels.correct)
+    if config.nav.scan_drift:
+        from fti.nav.scan_matching import residuals  # noqa: PLC0415
+
+        needed.append(residuals.add_scores)
     if config.nav.terrain_position:
         from fti.nav.terrain_matching import nearest_surface  # noqa: PLC0415
 

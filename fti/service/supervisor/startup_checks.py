@@ -34,6 +34,7 @@ class ValidatedConfig:
             self.devices = devices.bind_devices(config, self._texts)
             devices.check_inertial(config, self.devices)
             devices.check_beams(config, self.devices)
+            devices.check_scan_drift(config, self.devices)
             devices.check_alert_limits(config)
             devices.check_reference(config, self._texts)
             for i, link in enumerate(config.link):

@@ -15,6 +15,7 @@ from fti.hil.oracle.flight_flags import flight_allowances
 from fti.hil.oracle.output_effects import Interval, OutputEffects, interval_mask
 from fti.hil.oracle.required_outputs import (
     GLIDE,
+    GROUND_DRIFT,
     GROUND_FIX,
     HEIGHT_BELOW,
     RequiredOutput,
@@ -179,7 +180,7 @@ class _Checks:
                 return np.zeros(len(t), dtype=bool)
             due = approach_due(reference.table, reference.reference, reference.craft, altimeter, reference.start_s)
             return np.asarray(np.interp(t, reference.truth.t, due.astype(float)) >= 1.0)
-        if output.topic == GROUND_FIX:  # whether it is valid is a property of the ground
+        if output.topic in (GROUND_FIX, GROUND_DRIFT):  # whether it is valid is a property of the ground
             return np.zeros(len(t), dtype=bool)
         nav = reference.config.nav
         of_navigation = output.topic.startswith("/nav/")

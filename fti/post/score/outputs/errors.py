@@ -16,7 +16,17 @@ from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import metres_per_radian
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.oracle.required_outputs import FILTER, FIX, GLIDE, GROUND_FIX, HEIGHT_BELOW, LOCATION, VALIDITY, VERTICAL
+from fti.hil.oracle.required_outputs import (
+    FILTER,
+    FIX,
+    GLIDE,
+    GROUND_DRIFT,
+    GROUND_FIX,
+    HEIGHT_BELOW,
+    LOCATION,
+    VALIDITY,
+    VERTICAL,
+)
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
@@ -73,6 +83,7 @@ class Comparison:
         alone = {
             LOCATION: self._location,
             GROUND_FIX: self._ground_fix,
+            GROUND_DRIFT: self._ground_drift,
             GLIDE: self._glide_slope,
             INTEGRITY: self._integrity,
         }
@@ -97,6 +108,11 @@ class Comparison:
         fix_sd = np.maximum(self._column("north_sd"), self._column("east_sd"))
         sd = np.hypot(fix_sd, self._column("map_sd"))
         yield self._horizontal(self._column("lat"), self._column("lon"), sd)
+
+    def _ground_drift(self) -> Iterator[QuantityError]:
+        """The estimated mounting, of which the emulated sensor has no error; the drift is that of the filter."""
+        yaw, sd = np.rad2deg(self._column("yaw")), np.rad2deg(self._column("yaw_sd"))
+        yield QuantityError("mounting", "deg", yaw, sd, self._limits.heading_deg, must_state=True)
 
     def _velocity(self) -> Iterator[QuantityError]:
         for name in ("vel_north", "vel_east", "vel_down"):

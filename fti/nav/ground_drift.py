@@ -1,0 +1,247 @@
+"""Live drift between two looks at the same ground: pairs of scans in succession aid the filter, without a map.
+
+Each look is placed with the filter's history (``fti.nav.look_collection``) and compared with an earlier one
+(``fti.nav.look_pairs``).  The drift is a measurement of position and attitude at both (``fti.nav.filter.look_mark``).
+
+A wrong mounting or clock of the sensor, or a wrong range, is a drift as well.  So the satellites calibrate it first:
+until ``CALIBRATION_COUNT`` pairs in succession have agreed with it for ``CALIBRATION_NS`` with satellites, a drift
+corrects the errors of the sensor only (``Aiding.is_on_trial``).  ``REFUSED_COUNT`` pairs within ``REFUSED_NS`` that
+contradict the filter end the calibration, with or without satellites: the sensor or the filter is wrong.  Without
+satellites there is no new one.  A filter that starts again has no calibration.
+
+The drift bounds no position: with it alone the filter coasts, and its sigma grows more slowly.  Copies of the filter
+without satellites do not use it (``fti.nav.separation``), so that it hides no fault of the satellites; protection
+levels without satellites are therefore those of the inertial unit.  Configured by ``[nav.scan_drift]``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace as with_fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from msgspec.structs import replace
+
+from fti.arrays import Array
+from fti.config import Device, ScanDriftTable
+from fti.messages.measurements import Measurement, RangeScan
+from fti.messages.outputs import Event, GroundDrift
+from fti.messages.reasons import Reason
+from fti.nav.filter.look_mark import SCAN_DRIFT, SHARE, YAW
+from fti.nav.inertial_aiding import LOOKS
+from fti.nav.look_collection import MIN_INTERVAL_NS, CollectedLook, LookCollector, as_image, interval_ns, thin
+from fti.nav.look_pairs import LookPairs, PairResult
+from fti.nav.scan_matching.registration import Refusal, ScanDrift
+
+if TYPE_CHECKING:
+    from fti.nav.filter.estimate import Estimate
+    from fti.nav.inertial_aiding import AidedNavigation
+
+#: Pairs in succession that must agree with satellites before a drift aids, and time from the first to the last [ns].
+CALIBRATION_COUNT, CALIBRATION_NS = 8, 30_000_000_000
+#: Satellites were accepted within so long [ns].
+SATELLITES_NS = 2_000_000_000
+#: One sigma of a drift over the distance of the points, where the ground between them is not a plane.  Measured over
+#: the demo region, 600 m above it: 0.009 near the airfield, with trees, 0.002 over hills.
+SHARE_SD = 0.005
+#: Pairs that contradict the filter within so long end the calibration.
+REFUSED_COUNT, REFUSED_NS = 3, 60_000_000_000
+#: Longest time from one look to the next over which the first one is kept, and greatest age of a valid drift [ns].
+MAX_GAP_NS = 15_000_000_000
+#: Repetition of the last output [ns].
+REPEAT_NS = 500_000_000
+REASON_OF = {
+    Refusal.FEW_POINTS: Reason.FEW_POINTS,
+    Refusal.FLAT: Reason.GROUND_FLAT,
+    Refusal.AMBIGUOUS: Reason.AMBIGUOUS,
+    Refusal.UNEXPECTED: Reason.UNEXPECTED_DRIFT,
+    Refusal.MISFIT: Reason.LOOKS_MISFIT,
+}
+NAME = "drift over the ground"
+
+
+class Calibration:
+    """Whether the pairs have agreed with satellites, and have not contradicted the filter since."""
+
+    def __init__(self) -> None:
+        self.is_complete = self.is_contradicting = False
+        self._agreed_ns: list[int] = []  # of the pairs that have agreed in succession
+        self._refused_ns: deque[int] = deque(maxlen=REFUSED_COUNT)
+
+    def restart(self) -> None:
+        """Begin again, because the filter does."""
+        self.is_complete = False
+        self._agreed_ns.clear()
+        self._refused_ns.clear()
+
+    def agree(self, t_ns: int, has_satellites: bool) -> bool:
+        """A pair that agrees with the filter; returns whether it completes the calibration."""
+        if self.is_complete or not has_satellites:
+            return False
+        self._agreed_ns.append(t_ns)
+        if len(self._agreed_ns) < CALIBRATION_COUNT or t_ns - self._agreed_ns[0] < CALIBRATION_NS:
+            return False
+        self._agreed_ns.clear()
+        self.is_complete, self.is_contradicting = True, False
+        self._refused_ns.clear()
+        return True
+
+    def contradict(self, t_ns: int) -> bool:
+        """A pair that contradicts the filter; returns whether it begins a contradiction."""
+        self._agreed_ns.clear()
+        self._refused_ns.append(t_ns)
+        if len(self._refused_ns) < REFUSED_COUNT or t_ns - self._refused_ns[0] > REFUSED_NS:
+            return False
+        was_contradicting, self.is_contradicting, self.is_complete = self.is_contradicting, True, False
+        return not was_contradicting
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """Why a drift does not aid now."""
+        table = ((Reason.CONTRADICTION, self.is_contradicting), (Reason.NOT_CALIBRATED, not self.is_complete))
+        return tuple(reason for reason, holds in table if holds)
+
+
+class GroundDriftAiding:
+    """The drift over the ground from the scans of one device.  aided : the filter that it aids"""
+
+    def __init__(self, settings: ScanDriftTable, device: Device, aided: AidedNavigation) -> None:
+        self._settings, self._aided = settings, aided
+        self._name, self._lever_arm_b = device.name, np.array(device.lever_arm_b)
+        self._looks, self._pairs = (
+            LookCollector(settings, device),
+            LookPairs(LOOKS - 1, time_sd=1e-3 * settings.time_sd_ms, share_sd=SHARE_SD),
+        )
+        self._calibration = Calibration()
+        self._look_ns: int | None = None  # of the last look that is in a pair
+        self._counts = [0, 0]  # pairs; of them refused
+        self._drift: GroundDrift | None = None
+        self._sent_ns = 0
+        self._events: list[Event] = []
+
+    def accepts(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of a kind of a device are scans of the looks."""
+        return device == self._name and issubclass(kind, RangeScan)
+
+    def feed(self, device: str, m: Measurement, t_ns: int) -> None:
+        """Take a scan whose first point was measured at t_ns."""
+        if isinstance(m, RangeScan) and m.valid and device == self._name:
+            self._looks.feed(m, t_ns)
+
+    def tick(self, t_ns: int) -> list[GroundDrift | Event]:
+        """Compare a look that is complete; repeat the last output; events."""
+        look = self._looks.take(t_ns, self._aided.newest_ns)
+        if look is not None:
+            self._drift = replace(self._compare(look, t_ns), t_ns=t_ns)
+        out: list[GroundDrift | Event] = [*self._events]
+        self._events.clear()
+        if look is not None or t_ns - self._sent_ns >= REPEAT_NS:
+            self._sent_ns = t_ns
+            out.append(self._repeat(t_ns))
+        return out
+
+    # ----------------------------------------------------------------------------------------------------------- pairs
+
+    def _compare(self, look: CollectedLook, t_ns: int) -> GroundDrift:
+        """Compare a look with the first of its pair, and let the drift aid."""
+        estimate = self._aided.estimate(look.t_ns)
+        look = look if estimate is None else thin(look, estimate.mat_en.T @ estimate.mat_eb)
+        estimates = [self._aided.estimate(at_ns) for at_ns in look.pose_times_ns]
+        history = [each for each in estimates if each is not None]
+        output = GroundDrift(t_ns=t_ns, t_valid_ns=look.t_ns, valid=False, reasons=(), points=len(look.ranges))
+        if estimate is None or len(history) < len(estimates):
+            self._restart()
+            self._looks.next_ns = look.t_ns + MIN_INTERVAL_NS
+            return replace(output, reasons=(Reason.NO_POSITION,))
+        self._looks.next_ns = look.t_ns + interval_ns(look, estimate)
+        if self._look_ns is not None and look.t_ns - self._look_ns > MAX_GAP_NS:
+            self._pairs.clear()
+        self._look_ns = look.t_ns
+        image = as_image(look, estimate, history, self._lever_arm_b, self._settings.range_sd_m)
+        result = self._pairs.feed(estimate, image)
+        output = replace(output, **_sensor_errors(estimate))
+        if result.drift is None:
+            self._aided.feed_look(look.t_ns, result.mark)
+            return replace(output, reasons=(Reason.NOTHING_TO_COMPARE,))
+        return self._use(result, complete_drift(output, result.drift, estimate))
+
+    def _restart(self) -> None:
+        """The filter has no position: looks, and what it knew of the sensor, are lost."""
+        self._pairs.clear()
+        self._calibration.restart()
+
+    def _use(self, result: PairResult, output: GroundDrift) -> GroundDrift:
+        """Let a drift aid if nothing refuses it; mark the look after it."""
+        assert output.t_valid_ns is not None
+        reasons = self._refusal_reasons(result, output.t_valid_ns)
+        self._aided.feed_look(output.t_valid_ns, result.mark)
+        self._counts = [self._counts[0] + 1, self._counts[1] + bool(reasons)]
+        return replace(output, valid=not reasons, reasons=reasons)
+
+    def _refusal_reasons(self, result: PairResult, t_ns: int) -> tuple[Reason, ...]:
+        """Why a drift does not aid; it has been given to the filter."""
+        assert result.drift is not None
+        if result.aiding is None:
+            if Refusal.UNEXPECTED in result.drift.refusals:
+                self._contradict(t_ns)
+            return tuple(REASON_OF[refusal] for refusal in result.drift.refusals) or (Reason.LOOKS_MISFIT,)
+        has_satellites = self._aided.has_satellites(t_ns, SATELLITES_NS)
+        if not (self._calibration.is_complete or has_satellites):
+            return self._calibration.reasons
+        reasons = self._calibration.reasons
+        self._aided.feed_look(t_ns, with_fields(result.aiding, is_on_trial=not self._calibration.is_complete))
+        if not self._aided.is_accepted(SCAN_DRIFT, t_ns):
+            self._contradict(t_ns)
+            return (Reason.REJECTED, *self._calibration.reasons)
+        if self._calibration.agree(t_ns, has_satellites):
+            self._report(t_ns, "info", "its pairs agree with satellites; it aids the filter")
+        return reasons
+
+    def _contradict(self, t_ns: int) -> None:
+        if self._calibration.contradict(t_ns):
+            text = (
+                f"{REFUSED_COUNT} pairs of {self._name} contradict the filter: its mounting, clock or ranges are wrong,"
+            )
+            self._report(t_ns, "warning", f"{text} or the filter is; it aids again after a calibration")
+
+    def _report(self, t_ns: int, level: str, text: str) -> None:
+        self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=f"{NAME}: {text}"))
+
+    def _repeat(self, t_ns: int) -> GroundDrift:
+        """The last drift as an output of this time."""
+        pairs, refused = self._counts
+        if self._drift is None:
+            return GroundDrift(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=(Reason.SILENT,))
+        age_ns = t_ns - (self._drift.t_valid_ns or 0)
+        if age_ns > MAX_GAP_NS:
+            self._drift = replace(self._drift, valid=False, reasons=(Reason.STALE,))
+        return replace(self._drift, t_ns=t_ns, pairs=pairs, refused=refused)
+
+
+def _sensor_errors(estimate: Estimate) -> dict[str, float | None]:
+    """The errors of the sensor that the filter estimates."""
+    return {
+        "range_share": estimate.drift(SHARE),
+        "range_share_sd": estimate.drift_sd(SHARE),
+        "yaw": estimate.drift(YAW),
+        "yaw_sd": estimate.drift_sd(YAW),
+    }
+
+
+def complete_drift(output: GroundDrift, found: ScanDrift, estimate: Estimate) -> GroundDrift:
+    """An output with the drift of a pair, in north, east, down.  estimate : the filter's, at the later look"""
+    interval = found.interval if math.isfinite(found.interval) else None
+    output = replace(output, directions=len(found.drift), overlap=found.overlap, interval=interval)
+    if len(found.drift) < 3:
+        return output
+    axes_n = _axes_n(found.axes_l)
+    north, east, down = (axes_n.T @ found.drift).tolist()
+    north_sd, east_sd, down_sd = np.sqrt(np.diag(axes_n.T @ found.cov @ axes_n)).tolist()
+    return replace(output, north=north, east=east, down=down, north_sd=north_sd, east_sd=east_sd, down_sd=down_sd)
+
+
+def _axes_n(axes_l: Array) -> Array:
+    """Directions in east, north, up as north, east, down."""
+    return np.asarray(axes_l[:, (1, 0, 2)] * [1.0, 1.0, -1.0])

@@ -1,0 +1,176 @@
+"""Looks from the scans of a device: which points belong together, and where the sensor was when each was measured.
+
+A look is one scan of a range imager, or all scans of a scanner that turns within ``exposure_s``.  The next one begins
+when the aircraft has flown half of its length on the ground: the product of overlap and interval is then largest
+(``RangeImager.best_interval``), and two pairs in succession have no ground in common.  With shorter steps they had, and
+the errors of their drifts would not be independent.
+
+The time of a look is the middle of its points.  Each point has the pose of its own time, from the history of the
+filter, and is stated as seen from the aircraft at the time of the look: the error of the filter hardly changes within
+a look.  A look of more than ``MAX_POINTS`` is thinned to one point of each cell of the ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.arrays import Array
+from fti.config import Device, ScanDriftTable
+from fti.constants import SECOND_NS
+from fti.geodesy.formulas import mat_nb
+from fti.messages.measurements import RangeScan
+from fti.nav.filter.estimate import Estimate
+from fti.nav.look_pairs import RangeImage
+from fti.nav.scan_matching.look import Look
+from fti.nav.scan_matching.registration import point_distance
+from fti.nav.scan_matching.thinning import one_per_cell
+from fti.ranging.interpolation import interpolate_poses
+from fti.ranging.scan_points import scan_points
+from fti.ranging.sensor import Poses
+
+#: Points of a look that are registered: those of 75 x 75 pixels.
+MAX_POINTS = 6000
+#: Points beyond are no ground of a pair [m].
+MAX_RANGE_M = 10_000.0
+#: A unit vector has this length, to the resolution of float32.
+LENGTH_TOLERANCE = 1e-3
+#: Shortest and longest time from one look to the next [ns].
+MIN_INTERVAL_NS, MAX_INTERVAL_NS = 200_000_000, 10_000_000_000
+#: Share of the points of a look that are within its length.
+LENGTH_SHARE = 0.9
+#: Longest scan [ns].
+MAX_SCAN_NS = 200_000_000
+#: Scans may arrive so late after the end of a look, and the inertial samples after it [ns].
+LATE_NS, MAX_WAIT_NS = 60_000_000, 600_000_000
+#: Time between poses of the filter within a look [ns]; between them the turn is at a constant rate.
+POSE_NS = 20_000_000
+
+
+class CollectedLook(NamedTuple):
+    """Points with a return.
+
+    t_ns         : time of the look, the middle of its points
+    times_ns     : int64, shape (n,);  ranges : shape (n,) [m];  directions_b : shape (n, 3), in body axes of their time
+    """
+
+    t_ns: int
+    times_ns: NDArray[np.int64]
+    ranges: Array
+    directions_b: Array
+
+    @property
+    def pose_times_ns(self) -> list[int]:
+        """Times of the poses that place it: one, or several from the first point to the last."""
+        if not len(self.times_ns):
+            return [self.t_ns]
+        first, last = int(self.times_ns.min()), int(self.times_ns.max())
+        count = -(-(last - first) // POSE_NS)
+        return [first + (last - first) * k // count for k in range(count + 1)] if count else [self.t_ns]
+
+
+class LookCollector:
+    """Collects the scans of one device.
+
+    next_ns : a scan of this time or later begins a look
+    """
+
+    def __init__(self, settings: ScanDriftTable, device: Device) -> None:
+        self._exposure_ns = round(settings.exposure_s * SECOND_NS)
+        self._to_body = np.array(mat_nb(*(math.radians(angle) for angle in device.rpy_bs_deg)))
+        self.next_ns = 0
+        self._begin_ns = 0  # of the last look
+        self._end_ns = 0
+        self._scans: list[CollectedLook] | None = None  # None: complete
+
+    def feed(self, scan: RangeScan, t_ns: int) -> None:
+        """Take a scan whose first point was measured at t_ns; one that belongs to no look is left out."""
+        if t_ns >= self.next_ns:
+            self._begin_ns, self._end_ns, self._scans = t_ns, t_ns + self._exposure_ns, []
+            self.next_ns = t_ns + MAX_INTERVAL_NS
+        if self._scans is None or not self._begin_ns <= t_ns <= self._end_ns:
+            return
+        points = self._read(scan, t_ns)
+        self._scans.append(points)
+        if not self._exposure_ns and len(points.times_ns):
+            self._end_ns = max(int(points.times_ns.max()), t_ns)
+
+    def take(self, t_ns: int, newest_ns: int | None) -> CollectedLook | None:
+        """The look that is complete at t_ns, once.  newest_ns : of the inertial samples, which must reach beyond it."""
+        if self._scans is None or t_ns < self._end_ns + LATE_NS:
+            return None
+        if newest_ns is None or newest_ns <= self._end_ns:
+            if t_ns > self._end_ns + MAX_WAIT_NS:
+                self._scans, self.next_ns = None, t_ns
+            return None
+        scans, self._scans = self._scans, None
+        times, ranges, directions = (np.concatenate([scan[part] for scan in scans]) for part in (1, 2, 3))
+        middle_ns = (int(times.min()) + int(times.max())) // 2 if len(times) else scans[0].t_ns
+        return CollectedLook(middle_ns, times, ranges, directions)
+
+    def _read(self, scan: RangeScan, t_ns: int) -> CollectedLook:
+        """The points of a scan that have a return."""
+        try:
+            points = scan_points(scan)
+        except ValueError:  # arrays of different lengths
+            return CollectedLook(t_ns, np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3)))
+        begin_ns = scan.stamp.t_rx_ns if scan.stamp.t_valid_ns is None else scan.stamp.t_valid_ns
+        offsets_ns = points.times_ns - begin_ns
+        lengths = np.einsum("ij,ij->i", points.directions_s, points.directions_s)
+        with np.errstate(invalid="ignore"):
+            is_used = (points.ranges > 0.0) & (points.ranges < MAX_RANGE_M) & (abs(lengths - 1.0) < LENGTH_TOLERANCE)
+        is_used &= (offsets_ns >= 0) & (offsets_ns <= MAX_SCAN_NS)
+        directions_b = points.directions_s[is_used].astype(np.float64) @ self._to_body.T
+        return CollectedLook(t_ns, t_ns + offsets_ns[is_used], points.ranges[is_used].astype(np.float64), directions_b)
+
+
+def thin(look: CollectedLook, mat_lb: Array) -> CollectedLook:
+    """At most about ``MAX_POINTS``, spread over the ground.  mat_lb : body frame to east, north, up"""
+    count = len(look.ranges)
+    if count <= MAX_POINTS:
+        return look
+    directions_l = look.directions_b @ mat_lb.T
+    points_l = look.ranges[:, None] * directions_l
+    distance = point_distance(Look(points_l, directions_l, np.zeros(count), 1.0))
+    if not distance > 0.0:
+        return look
+    kept = one_per_cell(points_l, distance * math.sqrt(count / MAX_POINTS))
+    return CollectedLook(look.t_ns, look.times_ns[kept], look.ranges[kept], look.directions_b[kept])
+
+
+def interval_ns(look: CollectedLook, middle: Estimate) -> int:
+    """Time until the aircraft has flown half of the length of a look on the ground.  middle : the filter's, in it"""
+    speed = float(np.linalg.norm(middle.vel_n[:2]))
+    if not len(look.ranges) or not speed > 0.0:
+        return MIN_INTERVAL_NS
+    along_b = middle.mat_nb.T @ np.append(middle.vel_n[:2] / speed, 0.0)
+    edges = 0.5 - 0.5 * LENGTH_SHARE, 0.5 + 0.5 * LENGTH_SHARE
+    first, last = np.quantile(look.ranges * (look.directions_b @ along_b), edges)
+    seconds = 0.5 * float(last - first) / LENGTH_SHARE / speed
+    return int(min(max(seconds * SECOND_NS, MIN_INTERVAL_NS), MAX_INTERVAL_NS))
+
+
+def as_image(
+    look: CollectedLook, middle: Estimate, estimates: Sequence[Estimate], lever_arm_b: Array, sd: float
+) -> RangeImage:
+    """The look as seen from the aircraft at its time.
+
+    middle, estimates : the filter's then, and at ``pose_times_ns``
+    lever_arm_b : P to the sensor [m];  sd : of a range [m]
+    """
+    if len(estimates) < 2:
+        return RangeImage(look.ranges, look.directions_b, sd, lever_arm_b)
+    seconds = (look.times_ns - look.t_ns) / SECOND_NS
+    to_b = middle.mat_eb.T
+    epochs = Poses(
+        np.array([to_b @ (each.y[:3] - middle.y[:3]) for each in estimates]),
+        np.array([to_b @ each.mat_eb for each in estimates]),
+        np.array([to_b @ each.y[3:6] for each in estimates]),
+    )
+    poses = interpolate_poses([(each.t_ns - look.t_ns) / SECOND_NS for each in estimates], epochs, seconds)
+    directions_b = (poses.mats_ls @ look.directions_b[..., None])[..., 0]
+    return RangeImage(look.ranges, directions_b, sd, poses.origins_l + poses.mats_ls @ lever_arm_b, seconds)
