@@ -354,7 +354,7 @@ class GroundDrift(Message, kw_only=True):
     valid: bool
     reasons: tuple[Reason, ...]
     interval: Seconds | None = None
-    directions: Count = 0
+    directions: Count | None = None
     north: Metres | None = None
     east: Metres | None = None
     down: Metres | None = None
@@ -362,9 +362,9 @@ class GroundDrift(Message, kw_only=True):
     east_sd: Metres | None = None
     down_sd: Metres | None = None
     overlap: Ratio | None = None
-    points: Count = 0
-    pairs: Count = 0
-    refused: Count = 0
+    points: Count | None = None
+    pairs: Count | None = None
+    refused: Count | None = None
     range_share: Ratio | None = None
     range_share_sd: Ratio | None = None
     yaw: Radians | None = None

@@ -9,6 +9,10 @@ corrects the errors of the sensor only (``Aiding.is_on_trial``).  ``REFUSED_COUN
 contradict the filter end the calibration, with or without satellites: the sensor or the filter is wrong.  Without
 satellites there is no new one.  A filter that starts again has no calibration.
 
+A mounting about the vertical axis is a heading to all pairs: only their sum is known.  Pairs therefore count only while
+the filter knows the heading by itself, after a turn, to ``MAX_HEADING_SD``; and a mounting beyond ``MAX_YAW`` is a
+contradiction.  Otherwise a wrong mounting would become a wrong heading with a small sigma.
+
 The drift bounds no position: with it alone the filter coasts, and its sigma grows more slowly.  Copies of the filter
 without satellites do not use it (``fti.nav.separation``), so that it hides no fault of the satellites; protection
 levels without satellites are therefore those of the inertial unit.  Configured by ``[nav.scan_drift]``.
@@ -29,7 +33,7 @@ from fti.config import Device, ScanDriftTable
 from fti.messages.measurements import Measurement, RangeScan
 from fti.messages.outputs import Event, GroundDrift
 from fti.messages.reasons import Reason
-from fti.nav.filter.look_mark import SCAN_DRIFT, SHARE, YAW
+from fti.nav.filter.look_mark import SCAN_DRIFT, SHARE, YAW, YAW_DRIFT
 from fti.nav.inertial_aiding import LOOKS
 from fti.nav.look_collection import MIN_INTERVAL_NS, CollectedLook, LookCollector, as_image, interval_ns, thin
 from fti.nav.look_pairs import LookPairs, PairResult
@@ -40,7 +44,9 @@ if TYPE_CHECKING:
     from fti.nav.inertial_aiding import AidedNavigation
 
 #: Pairs in succession that must agree with satellites before a drift aids, and time from the first to the last [ns].
-CALIBRATION_COUNT, CALIBRATION_NS = 8, 30_000_000_000
+CALIBRATION_COUNT, CALIBRATION_NS = 6, 30_000_000_000
+#: Sigma of the heading that makes a mounting visible, and largest estimate of a mounting that was surveyed [rad].
+MAX_HEADING_SD, MAX_YAW = 0.5 * YAW_DRIFT.sd, 3.0 * YAW_DRIFT.sd
 #: Satellites were accepted within so long [ns].
 SATELLITES_NS = 2_000_000_000
 #: One sigma of a drift over the distance of the points, where the ground between them is not a plane.  Measured over
@@ -76,9 +82,9 @@ class Calibration:
         self._agreed_ns.clear()
         self._refused_ns.clear()
 
-    def agree(self, t_ns: int, has_satellites: bool) -> bool:
-        """A pair that agrees with the filter; returns whether it completes the calibration."""
-        if self.is_complete or not has_satellites:
+    def agree(self, t_ns: int) -> bool:
+        """A pair that agrees with satellites and a known heading; returns whether it completes the calibration."""
+        if self.is_complete:
             return False
         self._agreed_ns.append(t_ns)
         if len(self._agreed_ns) < CALIBRATION_COUNT or t_ns - self._agreed_ns[0] < CALIBRATION_NS:
@@ -192,10 +198,12 @@ class GroundDriftAiding:
             return self._calibration.reasons
         reasons = self._calibration.reasons
         self._aided.feed_look(t_ns, with_fields(result.aiding, is_on_trial=not self._calibration.is_complete))
-        if not self._aided.is_accepted(SCAN_DRIFT, t_ns):
+        after = self._aided.estimate(t_ns)
+        if not self._aided.is_accepted(SCAN_DRIFT, t_ns) or after is None or abs(after.drift(YAW)) > MAX_YAW:
             self._contradict(t_ns)
             return (Reason.REJECTED, *self._calibration.reasons)
-        if self._calibration.agree(t_ns, has_satellites):
+        knows_heading = after.rpy_sd[2] <= MAX_HEADING_SD
+        if has_satellites and knows_heading and self._calibration.agree(t_ns):
             self._report(t_ns, "info", "its pairs agree with satellites; it aids the filter")
         return reasons
 

@@ -35,14 +35,18 @@ from fti.ranging.sensor import Poses
 
 #: Points of a look that are registered: those of 75 x 75 pixels.
 MAX_POINTS = 6000
+#: Cells of so many times the distance of the points have points in this share; beams are at most so much farther apart.
+CHECKED_CELL, MIN_OCCUPIED_SHARE, MAX_ANISOTROPY = 1.5, 0.9, 10.0
 #: Points beyond are no ground of a pair [m].
 MAX_RANGE_M = 10_000.0
 #: A unit vector has this length, to the resolution of float32.
 LENGTH_TOLERANCE = 1e-3
 #: Shortest and longest time from one look to the next [ns].
 MIN_INTERVAL_NS, MAX_INTERVAL_NS = 200_000_000, 10_000_000_000
-#: Share of the points of a look that are within its length.
-LENGTH_SHARE = 0.9
+#: The length of a look is that of this share of its points, over the share: single far points count little.
+LENGTH_SHARE = 0.5
+#: Points are below the aircraft if they are so much of the median range beside its track.
+NEAR_SHARE = 0.3
 #: Longest scan [ns].
 MAX_SCAN_NS = 200_000_000
 #: Scans may arrive so late after the end of a look, and the inertial samples after it [ns].
@@ -115,7 +119,8 @@ class LookCollector:
     def _read(self, scan: RangeScan, t_ns: int) -> CollectedLook:
         """The points of a scan that have a return."""
         try:
-            points = scan_points(scan)
+            with np.errstate(invalid="ignore"):  # offsets that are not finite
+                points = scan_points(scan)
         except ValueError:  # arrays of different lengths
             return CollectedLook(t_ns, np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3)))
         begin_ns = scan.stamp.t_rx_ns if scan.stamp.t_valid_ns is None else scan.stamp.t_valid_ns
@@ -129,27 +134,51 @@ class LookCollector:
 
 
 def thin(look: CollectedLook, mat_lb: Array) -> CollectedLook:
-    """At most about ``MAX_POINTS``, spread over the ground.  mat_lb : body frame to east, north, up"""
+    """At most about ``MAX_POINTS``, as dense along the track as across.  mat_lb : body frame to east, north, up
+
+    The beams of a scanner that turns are farther apart than the points of a beam.  The lattice of the registration has
+    the mean distance as its step, and finds no plane between beams unless each has points as far apart as the beams.
+    """
     count = len(look.ranges)
-    if count <= MAX_POINTS:
-        return look
     directions_l = look.directions_b @ mat_lb.T
     points_l = look.ranges[:, None] * directions_l
-    distance = point_distance(Look(points_l, directions_l, np.zeros(count), 1.0))
+    distance = point_distance(Look(points_l, directions_l, np.zeros(count), 1.0)) if count else 0.0
     if not distance > 0.0:
         return look
-    kept = one_per_cell(points_l, distance * math.sqrt(count / MAX_POINTS))
+    first = cell = distance * max(math.sqrt(count / MAX_POINTS), 1.0)
+    while cell < MAX_ANISOTROPY * first and _occupied_share(points_l, CHECKED_CELL * cell) < MIN_OCCUPIED_SHARE:
+        cell *= 1.2
+    if cell == distance:
+        return look
+    kept = one_per_cell(points_l, cell)
     return CollectedLook(look.t_ns, look.times_ns[kept], look.ranges[kept], look.directions_b[kept])
 
 
+def _occupied_share(points_l: Array, cell: float) -> float:
+    """Share of the cells of a side with points, between the quartiles of both axes [m]."""
+    places = points_l[:, :2]
+    low, high = np.percentile(places, (25.0, 75.0), axis=0)
+    inside = places[((places >= low) & (places <= high)).all(axis=1)]
+    cells = np.floor((inside - low) / cell).astype(np.int64)
+    if not len(cells):
+        return 1.0
+    return len(np.unique(cells[:, 0] * 2**31 + cells[:, 1])) / float(np.prod(cells.max(axis=0) + 1))
+
+
 def interval_ns(look: CollectedLook, middle: Estimate) -> int:
-    """Time until the aircraft has flown half of the length of a look on the ground.  middle : the filter's, in it"""
+    """Time until the aircraft has flown half of the length of a look on the ground, below it.
+
+    middle : the filter's estimate, at the time of the look
+    """
     speed = float(np.linalg.norm(middle.vel_n[:2]))
     if not len(look.ranges) or not speed > 0.0:
         return MIN_INTERVAL_NS
-    along_b = middle.mat_nb.T @ np.append(middle.vel_n[:2] / speed, 0.0)
+    north, east = middle.vel_n[:2] / speed
+    points_n = look.ranges[:, None] * look.directions_b @ middle.mat_nb.T
+    along, across = (points_n[:, :2] @ [[north, -east], [east, north]]).T
+    below = along[np.abs(across) <= NEAR_SHARE * np.median(look.ranges)]
     edges = 0.5 - 0.5 * LENGTH_SHARE, 0.5 + 0.5 * LENGTH_SHARE
-    first, last = np.quantile(look.ranges * (look.directions_b @ along_b), edges)
+    first, last = np.quantile(below if len(below) else along, edges)
     seconds = 0.5 * float(last - first) / LENGTH_SHARE / speed
     return int(min(max(seconds * SECOND_NS, MIN_INTERVAL_NS), MAX_INTERVAL_NS))
 

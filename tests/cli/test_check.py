@@ -771,3 +771,46 @@ def test_a_wrong_position_from_the_ground_is_one_sentence(
     wrong.write_text("\n".join(line for line in lines if "limits" not in after or line not in of_filter))
     assert main(["check", str(wrong)]) == 2
     assert error in capsys.readouterr().err
+
+
+def test_the_drift_over_the_ground_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(ROOT / "configs" / "scan_drift.toml")]) == 0
+    printed = capsys.readouterr().out
+    assert "drift       images of imager that overlap by half aid the filter after they have agreed" in printed
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "error"),
+    [
+        ('gnss = ["receiver"]', "gnss = []", "nav.scan_drift: needs [nav.filter] with gnss"),
+        ('device = "imager"', 'device = "imagr"', "nav.scan_drift.device: "),
+        ('device = "imager"', 'device = "receiver"', "ublox_ubx gives no scans; drivers that do: velodyne_vlp16, and"),
+        ("range_sd_m = 0.05", "exposure_s = 0.1", "exposure_s = 0.1: a scan is a whole image; must be 0"),
+        ("range_sd_m = 0.05", "exposure_s = 0.5", "nav.scan_drift.exposure_s = 0.5"),
+        ("range_sd_m = 0.05", "range_sd_m = 0", "nav.scan_drift.range_sd_m = 0"),
+        ("range_sd_m = 0.05", "interval_s = 1", "nav.scan_drift.interval_s"),
+        ("rows = 75 ", 'grid = "lines"\nrows = 75 ', "gives lines, which do not overlap with those of an earlier time"),
+    ],
+)
+def test_a_wrong_drift_over_the_ground_is_one_sentence(
+    before: str, after: str, error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "configs" / "scan_drift.toml").read_text()
+    assert before in text
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(text.replace(before, after))
+    assert main(["check", str(wrong)]) == 2
+    assert error in capsys.readouterr().err
+
+
+def test_a_scanner_that_turns_needs_the_duration_of_a_look(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (ROOT / "configs" / "scan_drift.toml").read_text()
+    begin, end = text.index('driver = "binary_struct"'), text.index('[[device]]\nname = "ins"')
+    file = tmp_path / "scanner.toml"
+    text = text[:begin] + 'driver = "velodyne_vlp16"\nrate_hz = 754\nmax_age_ms = 500\n\n' + text[end:]
+    file.write_text(text)
+    assert main(["check", str(file)]) == 2
+    assert "exposure_s = 0: a scan of velodyne_vlp16 is a part of a turn" in capsys.readouterr().err
+    file.write_text(text.replace("range_sd_m = 0.05", "exposure_s = 0.2"))
+    assert main(["check", str(file)]) == 0
+    assert "drift       looks of 0.2 s of imager that overlap by half" in capsys.readouterr().out
