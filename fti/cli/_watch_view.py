@@ -37,6 +37,8 @@ FALLBACKS = {
 }
 #: Position from the ground, which aids the filter.
 GROUND = "/nav/terrain_fix"
+#: Drift between two looks at the ground, which aids the filter.
+DRIFT = "/nav/ground_drift"
 #: Solutions with unconfirmed sources.
 PROVISIONAL = "/nav/provisional_solution/"
 STRUCK_OUT = "strike bright_black"
@@ -161,8 +163,7 @@ def _outputs(outputs: Fields) -> Table:
             sigma = _sigma(found.get("vertical_sd"), "m")
             source = str(found.get("mode") or found.get("altitude_source") or found.get("altimeter") or "")
             _add(table, name, found, (_metres(found["alt"], 1), sigma, source))
-    if by_ground := outputs.get(GROUND):
-        _add_ground(table, by_ground)
+    _add_by_ground(table, outputs)
     # The offset of the filter with each unconfirmed source; a late solution has ended and is left out.
     for topic, found in outputs.items():
         if topic.startswith(PROVISIONAL) and not found["late"]:
@@ -170,6 +171,13 @@ def _outputs(outputs: Fields) -> Table:
             values = (offset, _sigma(found["horizontal_sd"], "m"), f"HPL {_metres(found['hpl'], 0)}")
             _add(table, f"  {topic.removeprefix(PROVISIONAL)}, provisional", found, values)
     return table
+
+
+def _add_by_ground(table: Table, outputs: Fields) -> None:
+    """Position and drift that the ground gives."""
+    for topic, add in ((GROUND, _add_ground), (DRIFT, _add_drift)):
+        if found := outputs.get(topic):
+            add(table, found)
 
 
 def _add_ground(table: Table, output: Fields) -> None:
@@ -180,6 +188,16 @@ def _add_ground(table: Table, output: Fields) -> None:
     kind = "frames of beams" if output["method"] == "beams" else "heights"
     samples = "" if output["samples"] is None else f"{output['samples']} {kind}"
     _add(table, "position from the ground", output, (offset, sigma, samples))
+
+
+def _add_drift(table: Table, output: Fields) -> None:
+    """The drift between the last two looks: its length, its sigma, the overlap and the pairs that did not aid."""
+    is_whole = all(output[name] is not None for name in ("north", "east", "north_sd", "east_sd"))
+    drift = _metres(math.hypot(output["north"], output["east"]), 2) if is_whole else UNKNOWN
+    sigma = _sigma(max(output["north_sd"], output["east_sd"]), "m") if is_whole else ""
+    overlap = "" if output["overlap"] is None else f"overlap {_number(100.0 * output['overlap'], 0)} %"
+    pairs = "" if output["pairs"] is None else f"{output['refused']} of {output['pairs']} pairs refused"
+    _add(table, "drift over the ground", output, (drift, sigma, ", ".join(filter(None, (overlap, pairs)))))
 
 
 def _over_ground(output: Fields) -> tuple[str | Text, ...]:

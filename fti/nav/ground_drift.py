@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 #: Pairs in succession that must agree with satellites before a drift aids, and time from the first to the last [ns].
 CALIBRATION_COUNT, CALIBRATION_NS = 6, 30_000_000_000
 #: Sigma of the heading that makes a mounting visible, and largest estimate of a mounting that was surveyed [rad].
-MAX_HEADING_SD, MAX_YAW = 0.5 * YAW_DRIFT.sd, 3.0 * YAW_DRIFT.sd
+MAX_HEADING_SD, MAX_YAW = 0.75 * YAW_DRIFT.sd, 2.5 * YAW_DRIFT.sd
 #: Satellites were accepted within so long [ns].
 SATELLITES_NS = 2_000_000_000
 #: One sigma of a drift over the distance of the points, where the ground between them is not a plane.  Measured over

@@ -121,6 +121,19 @@ def test_a_provisional_filter_is_shown_struck_out_until_it_is_late() -> None:
     assert "provisional" not in rendered(live, 600_000_000)
 
 
+def test_the_drift_over_the_ground_is_shown_with_its_refused_pairs() -> None:
+    live = make_live_state()
+    fields = {"north": 0.3, "east": -0.4, "north_sd": 0.04, "east_sd": 0.06, "overlap": 0.48, "pairs": 41, "refused": 8}
+    status = {"t_ns": 0, "valid": True, "reasons": [], "max_age_ms": 500.0}
+    live.update("/nav/ground_drift", fields | status, 0)
+    text = rendered(live, 0)
+    for words in ("drift over the ground", "0.50 m", "± 0.06 m", "overlap 48 %, 8 of 41 pairs refused"):
+        assert words in text
+    missing = dict.fromkeys(fields) | {"valid": False, "reasons": ["not_calibrated"]}
+    live.update("/nav/ground_drift", fields | status | missing, 0)
+    assert "not calibrated with satellites yet" in rendered(live, 0)
+
+
 def test_values_links_and_origin_are_shown() -> None:
     text = rendered(make_live_state(), 0)
     for words in ("HIL", "recording", "120.0 m", "± 0.50 m", "raw 123.0 m", "gnss_line", "/dev/ttyUSB3 does not exist"):

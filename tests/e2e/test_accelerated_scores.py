@@ -33,7 +33,7 @@ DURATIONS = {
     "jsbsim_pattern": 12.0,
     "pattern": 32.0,
     "recorded": 20.0,
-    "scan_drift_outage": 175.0,
+    "scan_drift_outage": 225.0,
     "table": 35.0,
     "terrain_beams": 75.0,
     "terrain_flat_sea": 113.0,

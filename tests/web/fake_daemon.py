@@ -31,6 +31,7 @@ from fti.messages.outputs import (
     FilterMode,
     FilterSolution,
     GlideSlope,
+    GroundDrift,
     HeightAboveGround,
     HeightBelowAircraft,
     IntegrityState,
@@ -57,7 +58,7 @@ GLIDE_ANGLE = math.radians(3.0)
 SPEED = 45.0  # m/s
 START_S_M = 6500.0
 DEG = math.pi / 180
-PROVISIONAL = "/nav/provisional_solution/gnss"
+PROVISIONAL, DRIFT = "/nav/provisional_solution/gnss", "/nav/ground_drift"
 
 #: Roles of the fake daemon's devices.
 CONFIG = Config(
@@ -167,6 +168,21 @@ class Approach:
                 length=902.0,
                 is_search=False,
                 unchecked=(Reason.MAP_UNVERIFIED,),
+                **common,
+            ),
+            DRIFT: GroundDrift(
+                interval=1.9,
+                directions=3,
+                north=0.3,
+                east=-0.4,
+                down=0.1,
+                north_sd=0.04,
+                east_sd=0.06,
+                down_sd=0.01,
+                overlap=0.48,
+                points=5625,
+                pairs=41,
+                refused=8,
                 **common,
             ),
             PROVISIONAL: ProvisionalSolution(
@@ -370,7 +386,7 @@ def _as_output(output: Output, fields: dict[str, Any]) -> Output:
 class FakeDaemon:
     """Publishes outputs at 10 Hz and health at 2 Hz from a thread, through a hub of its own.
 
-    muted : topics that are not sent; at first that of an unconfirmed source
+    muted : topics that are not sent; at first those of an unconfirmed source and of the drift
     change_health, change_integrity : may rewrite each message
     changes : fields of outputs that are other ones, by topic
     breakers : states of those that are not on, while an emulator plays the sensors; None: there is none
@@ -381,7 +397,7 @@ class FakeDaemon:
     def __init__(self, lead_s: float = 0.0, path: Path | None = None) -> None:
         self._running = RunningHub(path)
         self.hub = self._running.hub
-        self.muted: set[str] = {PROVISIONAL}
+        self.muted: set[str] = {PROVISIONAL, DRIFT}
         self.change_health: Callable[[dict[str, Any]], None] = lambda health: None
         self.change_integrity: Callable[[dict[str, Any]], dict[str, Any]] = lambda fields: fields
         self.changes: dict[str, dict[str, Any]] = {}

@@ -18,7 +18,7 @@ from fti.reason_texts import REASONS
 from tests.alarm_cases import CASES, Daemon, daemon_with
 from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
-from tests.web.fake_daemon import KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock, make_sinks
+from tests.web.fake_daemon import DRIFT, KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock, make_sinks
 
 pytestmark = [pytest.mark.browser, pytest.mark.e2e]
 
@@ -274,6 +274,21 @@ async def test_how_far_an_unconfirmed_source_is_off_is_shown_as_long_as_it_is_pu
     assert await page.eval(CUT_OFF) == []
     daemon.muted.add(PROVISIONAL)
     await page.wait_for(f"{row} === null")
+
+
+async def test_the_drift_over_the_ground_is_shown(page: Page, daemon: FakeDaemon) -> None:
+    daemon.muted.discard(DRIFT)
+    await page.wait_for(f"{by_testid('fallback-drift')} !== null")
+    assert await page.text("fallback-drift-sd") == "0.50 ± 0.06 m, 48 %"
+    assert await page.text("fallback-drift-validity") == "valid"
+    title = await page.eval(f"{by_testid('fallback-drift')}.title")
+    assert "3 directions determined; 48 % of the points on common ground; 8 of 41 pairs did not aid" in title
+    await page.resize(1440, 900)
+    assert await page.eval("document.documentElement.scrollHeight") == 900
+    assert await page.eval(CUT_OFF) == []
+    missing = dict.fromkeys(("north", "east", "down", "north_sd", "east_sd", "down_sd", "overlap", "interval"))
+    daemon.changes[DRIFT] = {"valid": False, "reasons": ["not_calibrated"], **missing}
+    await page.wait_for(f"{by_testid('fallback-drift-validity')}.textContent === 'not calibrated with satellites yet'")
 
 
 async def test_what_takes_the_place_of_devices_is_reported_and_a_known_attitude_stays(

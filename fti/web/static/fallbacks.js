@@ -13,6 +13,8 @@ const NAMES = {
 
 const GROUND = "/nav/terrain_fix";
 
+const DRIFT = "/nav/ground_drift";
+
 const PROVISIONAL = "/nav/provisional_solution/";
 
 export class Fallbacks {
@@ -26,8 +28,10 @@ export class Fallbacks {
     // Filters that have ended are no longer published.
     const provisional = Object.keys(outputs).filter((topic) => topic.startsWith(PROVISIONAL) && !outputs[topic].late);
     const ground = GROUND in outputs ? [GROUND] : [];
-    const rows = this.rows.sync([...topics, ...ground, ...provisional]);
+    const drift = DRIFT in outputs ? [DRIFT] : [];
+    const rows = this.rows.sync([...topics, ...ground, ...drift, ...provisional]);
     for (const topic of ground) showGround(rows.get(topic), outputs[topic]);
+    for (const topic of drift) showDrift(rows.get(topic), outputs[topic]);
     for (const topic of provisional) showProvisional(rows.get(topic), outputs[topic]);
     for (const topic of topics) {
       const { sd, validity, root } = rows.get(topic);
@@ -57,6 +61,23 @@ function showGround({ sd, validity, root }, output) {
   setAttribute(root, "title", from);
 }
 
+// The drift between the last two looks: its length, sigma and overlap; refused pairs in the title.
+function showDrift({ sd, validity, root }, output) {
+  const { text, kind } = describe(output);
+  const hasDrift = output.north_sd != null;
+  const length = hasDrift ? fixed(Math.hypot(output.north, output.east), 2) : "";
+  const sigma = hasDrift ? plusMinus(Math.max(output.north_sd, output.east_sd), 2) : "";
+  const overlap = output.overlap == null ? "" : `${fixed(100 * output.overlap, 0)} %`;
+  setText(sd, [hasDrift ? `${length} ${sigma} m` : "", overlap].filter(Boolean).join(", "));
+  setText(validity, kind === "valid" ? "valid" : text);
+  setAttribute(validity, "data-kind", kind);
+  const common = overlap && `; ${overlap} of the points on common ground`;
+  const pairs = output.pairs == null ? "" : `; ${output.refused} of ${output.pairs} pairs did not aid`;
+  const interval = output.interval == null ? "" : ` in ${fixed(output.interval, 1)} s`;
+  const directions = output.directions == null ? "" : `, ${output.directions} directions determined`;
+  setAttribute(root, "title", `drift of the filter between two looks at the ground${interval}${directions}${common}${pairs}`);
+}
+
 function showProvisional({ sd, validity, root }, output) {
   const { text, kind } = describe(output);
   const height = fixed(output.height_difference, 0, { sign: true });
@@ -68,7 +89,8 @@ function showProvisional({ sd, validity, root }, output) {
 
 function makeRow(topic) {
   const source = topic.slice(PROVISIONAL.length);
-  const [id, name] = topic === GROUND ? ["ground", "ground"] : NAMES[topic] ?? [`provisional-${source}`, source];
+  const single = { [GROUND]: ["ground", "ground"], [DRIFT]: ["drift", "drift"] };
+  const [id, name] = single[topic] ?? NAMES[topic] ?? [`provisional-${source}`, source];
   const sd = h("span", { class: "sd", "data-testid": `fallback-${id}-sd` });
   const validity = h("span", { class: "validity", "data-testid": `fallback-${id}-validity` });
   return { root: h("div", { "data-testid": `fallback-${id}` }, h("strong", {}, name), " ", sd, " ", validity), sd, validity };
