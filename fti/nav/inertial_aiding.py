@@ -52,6 +52,7 @@ from fti.nav.filter.error_states import (
     Drift,
     Extra,
     FilterModel,
+    outage_model,
     own_drifts,
     receiver_drifts,
 )
@@ -534,4 +535,5 @@ def _model(settings: Filter, map_sd: float | None, looks: int) -> FilterModel:
     extras |= HEADING_DRIFTS if settings.heading else {}
     extras |= mark_drifts(map_sd) if map_sd is not None else {}
     extras |= look_drifts(looks) if looks else {}
-    return FilterModel(IMU_ERROR_MODELS[settings.unit], settings.states == 15, extras)
+    unit, biased = IMU_ERROR_MODELS[settings.unit], settings.states == 15
+    return outage_model(unit, extras, biased=biased) if looks else FilterModel(unit, biased, extras)

@@ -16,7 +16,7 @@ import numpy as np
 from fti.arrays import Array
 from fti.constants import SECOND_NS
 from fti.geodesy.local import LocalFrame
-from fti.nav.filter.error_states import FilterModel
+from fti.nav.filter.error_states import FilterModel, outage_model
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.kernels import largest_sd
 from fti.nav.filter.look_mark import LookDrift, LookMark, look_drifts
@@ -162,7 +162,7 @@ def _expected_drift(estimate: Estimate, first: LookMark, second: LookMark, middl
 
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache: two pairs over waves of ground, 100 m below."""
-    model = FilterModel(extras=look_drifts(2))
+    model = outage_model(FilterModel().unit, look_drifts(2))
     start = InitialState(0.0, 0.0, 0.0, (10.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.1,) * 3, (0.01,) * 3)
     estimate, side = start.estimate(0, np.zeros(6), model), np.linspace(-0.5, 0.5, 40)
     x, y = (each.ravel() for each in np.meshgrid(side, side))

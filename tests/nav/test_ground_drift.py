@@ -178,7 +178,7 @@ def test_pairs_are_compared_after_half_of_a_look_and_are_inside_their_sigma(nomi
     half = math.tan(math.radians(30.0)) * (ALT - GROUND_UP) / SPEED
     for each in found:
         assert each.interval == pytest.approx(half, abs=0.65)  # the next of two images in a second
-        assert each.overlap is not None and 0.35 < each.overlap < 0.65
+        assert each.overlap is not None and 0.25 < each.overlap < 0.65
         assert each.points == SIDE**2
     whole = [each for each in found if each.directions == 3]
     assert len(whole) > 0.8 * len(found)
@@ -200,12 +200,12 @@ def test_it_aids_after_it_has_agreed_with_satellites(nominal: Outputs) -> None:
 def test_the_sigma_without_satellites_is_smaller_and_holds(nominal: Outputs, alone: Outputs) -> None:
     aided, inertial = last_solution(nominal), last_solution(alone)
     assert aided.horizontal_sd is not None and inertial.horizontal_sd is not None
-    assert aided.horizontal_sd < 0.8 * inertial.horizontal_sd
+    assert aided.horizontal_sd < 0.7 * inertial.horizontal_sd
     assert abs(north_error(aided)) < 3.0 * aided.horizontal_sd
     assert aided.mode == "coasting"  # a drift bounds no position
     # copies without satellites do not use it: the level is that of the inertial unit
     assert aided.hpl is not None and inertial.hpl is not None
-    assert aided.hpl > 0.8 * inertial.hpl
+    assert aided.hpl > 0.7 * inertial.hpl
 
 
 def test_a_look_without_a_partner_changes_nothing(alone: Outputs) -> None:
