@@ -50,6 +50,7 @@ ELSEWHERE = {
     r"fti terrain judge .*": ("tests/cli/test_terrain_judge.py", '"terrain", "judge", session('),
     r"fti ground .*": ("tests/e2e/test_ground_station.py", '"ground", "--connect"'),
     r"fti watch --router .*": ("tests/e2e/test_ground_station.py", '"watch", "--router"'),
+    r"fti terrain strips .*": ("tests/post/test_laser_strips.py", 'main(["terrain", "strips"'),
     r"fti publish .*": ("tests/e2e/test_publish_session.py", 'fti("publish", '),
     r"fti study trajectory": ("tests/study/test_trajectory.py", 'main(["study", "trajectory"'),
     r"fti study slant-range .*": ("tests/study/test_slant_range.py", "slant_range.study("),

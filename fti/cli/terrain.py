@@ -6,7 +6,8 @@ with its source, lowest and highest height, holes and coverage; then the layers 
 the resampling error of each layer.  ``plot`` draws that terrain: relief, hatched holes, seams, source files.
 ``spectrum`` prints which waves of the finest layer carry its heights and slopes, how often a sensor has to sample them
 at a speed, and the correlation length.  ``judge`` compares elevation models with the ground that the altimeters of a
-recorded flight measured (``fti terrain judge --help``).
+recorded flight measured (``fti terrain judge --help``).  ``strips`` prints the shift between two strips of a laser
+scanner (``fti terrain strips --help``).
 
   fti terrain info N47E011.hgt N47E012.hgt
   fti terrain info dsm_1m.tif srtm.hgt --vertical dsm_1m.tif=egm96 --json
@@ -31,6 +32,7 @@ from typing import Any
 from fti.cli._arguments import MIN_POSITIVE, number, picture
 from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli._terrain_judge import JUDGE, add_judge, judge_maps
+from fti.cli._terrain_strips import STRIPS, add_strips, compare
 
 INFO = """Print the elevation files, and the layers, seams and resampling errors of their combined terrain.
 
@@ -56,7 +58,7 @@ SHARE = number(0.01, 0.999, "a share of 0.01 to 0.999")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Four actions."""
+    """Five actions."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     layout = parser.formatter_class
     info = actions.add_parser(
@@ -91,6 +93,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_judge(judge)
     _add_opening(judge)
+    strips = actions.add_parser(
+        "strips",
+        help="print the shift between two strips of a laser scanner",
+        description=STRIPS,
+        formatter_class=layout,
+    )
+    add_strips(strips)
 
 
 def _add_files(parser: argparse.ArgumentParser) -> None:
@@ -131,7 +140,7 @@ def _line(text: str) -> tuple[Place, Place]:
 
 def run(args: argparse.Namespace) -> int:
     """Print, draw, analyse or compare."""
-    return {"info": _info, "plot": _plot, "spectrum": _spectrum, "judge": _judge}[args.action](args)
+    return {"info": _info, "plot": _plot, "spectrum": _spectrum, "judge": _judge, "strips": compare}[args.action](args)
 
 
 def _arguments(args: argparse.Namespace) -> dict[str, Any]:
