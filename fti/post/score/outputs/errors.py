@@ -129,7 +129,6 @@ class Comparison:
         lat, lon = np.deg2rad(self._column("latitude")), np.deg2rad(self._column("longitude"))
         yield self._horizontal(lat, lon, self._column("no sigma"))
         yield self._plain(("altitude", "m"), "altitude", "alt", self._limits.vertical_m)
-        yield self._angle("heading", "heading", "no sigma", self._limits.heading_deg)
 
     def _glide_slope(self) -> Iterator[QuantityError]:
         limits = self._limits

@@ -21,10 +21,24 @@ GOOD = (IntegrityState.OK, IntegrityState.MONITOR)
 
 
 def locations(location: TopicSeries, solution: TopicSeries) -> OutputRow:
-    """A location for each valid solution, and for no other."""
-    expected = {t_ns for t_ns, row in _by_time(solution).items() if row.get("valid") is True}
-    differing = expected ^ set(location.log_ns.tolist())
-    return _row(location.topic, "of valid solutions", len(differing), "a location for each valid solution")
+    """A location for each valid solution, and for no other; heading and velocity that it states are those of it."""
+    solutions = {t_ns: row for t_ns, row in _by_time(solution).items() if row.get("valid") is True}
+    found = _by_time(location)
+    wrong = [t_ns for t_ns in solutions.keys() & found.keys() if not _has_motion(found[t_ns], solutions[t_ns])]
+    count = len(solutions.keys() ^ found.keys()) + len(wrong)
+    return _row(location.topic, "of valid solutions", count, "a location for each valid solution, with its motion")
+
+
+def _has_motion(location: MessageTable, solution: MessageTable) -> bool:
+    """Are heading and velocity (east, north, up) those of the solution?  One of an earlier version states none."""
+    if location.get("heading", solution.get("heading")) != solution.get("heading"):
+        return False
+    velocity, down = location.get("velocity"), solution.get("vel_down")
+    if velocity is None:
+        return True
+    up = -down if isinstance(down, int | float) else None
+    expected = {"x": solution.get("vel_east"), "y": solution.get("vel_north"), "z": up}
+    return bool(velocity == expected)
 
 
 def glide_slopes(slope: TopicSeries, integrity: TopicSeries) -> OutputRow:

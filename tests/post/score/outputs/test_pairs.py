@@ -25,6 +25,23 @@ def test_each_valid_solution_has_its_location() -> None:
 
 
 @pytest.mark.parametrize(
+    ("location", "result"),
+    [
+        ({}, Result.HOLDS),  # of an earlier version
+        ({"heading": 1.5, "velocity": {"x": 50.0, "y": 3.0, "z": 2.0}}, Result.HOLDS),
+        ({"heading": 1.6}, Result.FAILS),
+        ({"velocity": {"x": 3.0, "y": 50.0, "z": 2.0}}, Result.FAILS),
+        ({"velocity": {"x": 50.0, "y": 3.0, "z": -2.0}}, Result.FAILS),
+        ({"velocity": "fast"}, Result.FAILS),
+    ],
+)
+def test_a_location_moves_as_its_solution(location: dict[str, Any], result: Result) -> None:
+    motion = {"heading": 1.5, "vel_east": 50.0, "vel_north": 3.0, "vel_down": -2.0}
+    solution = messages("/nav/nav_solution", T, valid=True, **motion)
+    assert locations(messages("/nav/location", T, **location), solution).result is result
+
+
+@pytest.mark.parametrize(
     ("monitor", "slope", "result"),
     [
         (GOOD, {"valid": True, "s": 900.0}, Result.HOLDS),
