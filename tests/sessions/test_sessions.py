@@ -26,8 +26,8 @@ ANGLE_RAD, RELATIVE = 1.5e-10, 1e-6
 ANGLES = frozenset({"lat", "lon"})
 #: The hash of a scene's posts: their last bits depend on the processor model.
 IGNORED = frozenset({"sha256"})
-#: Fields that a later version has added: checksums of the terrain.
-ADDED = frozenset({"checksums"})
+#: Fields that a later version has added: checksums of the terrain, motion of ``/nav/location``.
+ADDED = frozenset({"checksums", "heading", "velocity"})
 Messages = defaultdict[tuple[str, int], list[Any]]
 
 
@@ -89,7 +89,7 @@ def difference(row: Any, others: list[Any], key: tuple[str, int]) -> str:
 
 def unequal(one: Any, other: Any, where: str = "") -> Iterator[str]:
     """Keys whose values differ."""
-    if isinstance(one, dict) and isinstance(other, dict) and one.keys() - ADDED == other.keys() - ADDED:
+    if isinstance(one, dict) and isinstance(other, dict) and one.keys() <= other.keys() <= one.keys() | ADDED:
         for key, value in ((key, value) for key, value in one.items() if key not in IGNORED):
             yield from unequal(value, other[key], f"{where}.{key}" if where else key)
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
@@ -121,3 +121,5 @@ def test_a_difference_is_seen() -> None:
     ]
     for change in changes:
         assert not is_same(row, {**row, **change})
+    assert is_same(row, {**row, "heading": 1.0}) and not is_same({**row, "heading": 1.0}, row)
+    assert not is_same(row, {**row, "new": 1.0})
