@@ -41,13 +41,15 @@ def image(frame: LocalFrame, x_e: Array, mat_eb: Array, rng: Rng) -> RangeImage:
 
 
 def at(x_e: Array, mat_eb: Array, t_ns: int, look: Array) -> Estimate:
-    """A filter at this pose whose first look has these states: displacement [m] and turn [rad] from its mark."""
+    """A filter at this pose that has marked the first look, with these states: displacement [m] and turn [rad]."""
     start = START.estimate(t_ns, np.zeros(6), MODEL)
     y = start.y.copy()
     y[:3], y[6:10] = x_e, quat_from_mat(mat_eb)
-    slow = EXTRAS + MODEL.columns["look0.position_x"] - MODEL.base
+    column, P = MODEL.columns["look0.position_x"], start.P.copy()
+    slow = EXTRAS + column - MODEL.base
     y[slow : slow + STATES] = look
-    return Estimate(t_ns, y, start.P, start.imu, MODEL)
+    P[column : column + STATES, column : column + STATES] = np.diag(np.square([0.3] * 3 + [1e-3] * 3))
+    return Estimate(t_ns, y, P, start.imu, MODEL)
 
 
 @pytest.mark.parametrize("seed", range(4))
