@@ -53,7 +53,7 @@ SATELLITES_NS = 2_000_000_000
 #: the demo region, 600 m above it: 0.009 near the airfield, with trees, 0.002 over hills.
 SHARE_SD = 0.005
 #: Pairs that contradict the filter within so long end the calibration.
-REFUSED_COUNT, REFUSED_NS = 3, 60_000_000_000
+REFUSED_COUNT, REFUSED_NS = 2, 60_000_000_000
 #: Longest time from one look to the next over which the first one is kept, and greatest age of a valid drift [ns].
 MAX_GAP_NS = 15_000_000_000
 #: Repetition of the last output [ns].

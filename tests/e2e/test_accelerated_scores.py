@@ -134,6 +134,17 @@ def test_fixes_of_all_beams_are_repeated_bit_for_bit(
     assert _outputs(Path(capsys.readouterr().out.strip())) == outputs
 
 
+def test_drifts_over_the_ground_are_repeated_bit_for_bit(
+    fly_once: Fly, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = fly_once("scan_drift_outage", DURATIONS["scan_drift_outage"])
+    assert main(["reprocess", str(flight.session), "--out", str(tmp_path)]) == 0
+    used = {row["t_valid_ns"] for row in flight.outputs("/nav/ground_drift") if row["valid"]}
+    assert len(used) >= 20
+    assert len(outputs := _outputs(flight.session)) > 1000
+    assert _outputs(Path(capsys.readouterr().out.strip())) == outputs
+
+
 def test_a_daemon_that_accepts_every_receiver_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
