@@ -21,6 +21,7 @@ from fti.messages.topics import (
     EVENT_TOPIC,
     HEALTH_TOPIC,
     OUTPUT_CLASSES,
+    topics,
 )
 from fti.publish.sink_queue import MAX_TOPICS
 
@@ -55,6 +56,12 @@ def live_topic(bus_topic: str) -> LiveTopic | None:
     return LiveTopic(
         bus_topic, Schema(schema["title"], JSON_SCHEMA, json.dumps(schema, separators=(",", ":")).encode())
     )
+
+
+def fixed_topics() -> list[LiveTopic]:
+    """The topics of the bus whose names do not depend on the configuration."""
+    buses = [topic.bus for topic in topics() if topic.bus and "<" not in topic.bus]
+    return [found for bus in buses if (found := live_topic(bus))]
 
 
 def _output_schema(cls: type) -> Json:

@@ -18,6 +18,7 @@ SUBPROTOCOL = "foxglove.sdk.v1"
 MESSAGE_DATA = 1
 #: Opcode, id of the subscription, log time [ns].
 HEAD = struct.Struct("<BIQ")
+RETRY_S = 0.05
 CLIENT_MESSAGE_HEAD = struct.Struct("<BI")
 
 Json = dict[str, Any]
@@ -78,12 +79,19 @@ class FoxgloveClient:
             self.info = message
         elif message["op"] == "status":
             self.statuses.append(message)
+            await self._subscribe_again(message["message"])
         elif message["op"] == "advertise":
             for channel in message["channels"]:
                 self.channels[channel["topic"]] = channel
                 self._topics[channel["id"]] = channel["topic"]
             wanted = [{"id": channel["id"], "channelId": channel["id"]} for channel in message["channels"]]
             await self.send(op="subscribe", subscriptions=wanted)
+
+    async def _subscribe_again(self, text: str) -> None:
+        """The SDK advertises a channel before it accepts a subscription to it."""
+        if (channel := text.removeprefix("Unknown channel ID: ")) in map(str, self._topics):
+            await asyncio.sleep(RETRY_S)
+            await self.send(op="subscribe", subscriptions=[{"id": int(channel), "channelId": int(channel)}])
 
 
 class Connection:

@@ -26,12 +26,12 @@ from foxglove.websocket import ChannelView, Client, ServerListener
 
 from fti.bus.message import MessageError, decode, encode
 from fti.config import FoxgloveTable
-from fti.logger.schemas import Schema, encode_note, foxglove_schema, note_schema
+from fti.logger.schemas import Schema, encode_note, foxglove_schema
 from fti.messages.outputs import NavSolution
 from fti.messages.tables import from_table
 from fti.messages.topics import BUS_EVENT, EVENT_TOPIC, measurement_topic
 from fti.publish.foxglove_scene import PRESENT_TOPICS, SCENE_SCHEMAS, Scene
-from fti.publish.foxglove_topics import live_topic
+from fti.publish.foxglove_topics import fixed_topics, live_topic
 from fti.publish.message import MAX_AGE_MS, PublishedMessage, SessionIdentity
 from fti.publish.sink import SinkError
 
@@ -61,6 +61,7 @@ class FoxgloveSink:
     def open(self) -> None:
         """See ``Sink``."""
         self._subscribers, self._channels = Subscribers(), LiveChannels()
+        self._offer_fixed_topics()
         try:
             self._server = sdk.start_server(
                 name=f"fti {self._identity.aircraft} {self._identity.session}",
@@ -73,7 +74,13 @@ class FoxgloveSink:
             )
         except RuntimeError as error:
             raise SinkError(f"publish.foxglove.port: {HOST}:{self._table.port}: {error}") from None
-        self._channels.offer(EVENT_TOPIC, note_schema(EVENT_TOPIC))
+
+    def _offer_fixed_topics(self) -> None:
+        """Before clients connect: the SDK announces a new channel before it accepts subscriptions to it."""
+        for topic in fixed_topics():
+            self._channels.offer(topic.name, topic.schema)
+        for name, schema in SCENE_SCHEMAS.items():
+            self._channels.offer(name, foxglove_schema(schema))
 
     def send(self, messages: Sequence[PublishedMessage]) -> None:
         """See ``Sink``."""
