@@ -30,6 +30,7 @@ from msgspec.structs import replace
 
 from fti.arrays import Array
 from fti.config import Device, ScanDriftTable
+from fti.constants import SECOND_NS
 from fti.messages.measurements import Measurement, RangeScan
 from fti.messages.outputs import Event, GroundDrift
 from fti.messages.reasons import Reason
@@ -54,8 +55,10 @@ SATELLITES_NS = 2_000_000_000
 SHARE_SD = 0.005
 #: Pairs that contradict the filter within so long end the calibration.
 REFUSED_COUNT, REFUSED_NS = 2, 60_000_000_000
-#: Longest time from one look to the next over which the first one is kept, and greatest age of a valid drift [ns].
+#: Longest time from one look to the next over which the first one is kept [ns].
 MAX_GAP_NS = 15_000_000_000
+#: Greatest age of a valid drift, in intervals of its looks.
+MAX_AGE_INTERVALS = 3.0
 #: Repetition of the last output [ns].
 REPEAT_NS = 500_000_000
 REASON_OF = {
@@ -222,8 +225,8 @@ class GroundDriftAiding:
         pairs, refused = self._counts
         if self._drift is None:
             return GroundDrift(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=(Reason.SILENT,))
-        age_ns = t_ns - (self._drift.t_valid_ns or 0)
-        if age_ns > MAX_GAP_NS:
+        age_ns, interval = t_ns - (self._drift.t_valid_ns or 0), self._drift.interval
+        if age_ns > (MAX_GAP_NS if interval is None else MAX_AGE_INTERVALS * interval * SECOND_NS):
             self._drift = replace(self._drift, valid=False, reasons=(Reason.STALE,))
         return replace(self._drift, t_ns=t_ns, pairs=pairs, refused=refused)
 

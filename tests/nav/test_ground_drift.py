@@ -229,7 +229,7 @@ def test_level_ground_gives_no_horizontal_drift() -> None:
 
 def test_a_scanner_that_dies_leaves_a_stale_drift() -> None:
     out = fly(Imager(lasts=lambda t: t < 60.0), end_s=80.0)
-    late = [o for o in out if isinstance(o, GroundDrift) and o.t_ns > T0 + 78 * S]
+    late = [o for o in out if isinstance(o, GroundDrift) and o.t_ns > T0 + 69 * S]
     assert late and {(o.valid, o.reasons) for o in late} == {(False, (Reason.STALE,))}
 
 
