@@ -173,7 +173,8 @@ class NavigationHealth(Message, kw_only=True):
 class SinkHealth(Message, kw_only=True):
     """A sink of ``[publish]``.
 
-    state  : connecting, connected, or retrying after a failure;  hint : the failure
+    state  : connecting, connected, retrying after a failure, or silent: its process does not report
+    hint   : the failure
     peers  : connected peers; None without a connection, and for protocols without one
     connects : number of connections
     sent   : messages that were sent

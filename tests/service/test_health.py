@@ -81,3 +81,16 @@ def test_an_old_report_of_navigation_is_not_valid() -> None:
     assert late["links"]["a"]["state"] == "good"  # its bytes still come
     board.navigation = dict(report)
     assert board.compose(LATE_NS + 2 * 10**9, [])["navigation"]["lag_ms"] == 20
+
+
+def test_an_old_report_of_the_publish_process_is_not_valid() -> None:
+    sink = {"state": "connected", "hint": "", "peers": 2, "sent": 7}
+    board = HealthBoard({"state": "recording"})
+    assert "sinks" not in board.compose(0, [])
+    board.sinks = {"mqtt": sink}
+    assert board.compose(0, [])["sinks"] == board.compose(LATE_NS, [])["sinks"] == {"mqtt": sink}
+    late = board.compose(LATE_NS + 1, [])["sinks"]["mqtt"]
+    assert (late["state"], late["peers"], late["sent"]) == ("silent", None, 7)
+    assert late["hint"] == "no report from publish for more than 3 s"
+    board.sinks = {"mqtt": dict(sink)}
+    assert board.compose(LATE_NS + 2, [])["sinks"] == {"mqtt": sink}

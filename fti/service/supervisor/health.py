@@ -10,7 +10,7 @@ from fti.logger.storage import StorageState
 from fti.messages.frames import LinkState
 from fti.service.children import Child
 
-#: Recorder and navigation report twice a second; an older report is not valid.
+#: Recorder and navigation report twice a second, the publish process once; an older report is not valid.
 LATE_NS = 3_000_000_000
 #: Navigation with a larger lag decodes answers late [ms].
 MAX_LAG_MS = 500.0
@@ -28,6 +28,8 @@ class HealthBoard:
     sinks: dict[str, Any] | None = None
     _last_navigation: dict[str, Any] = field(default_factory=dict)
     _last_navigation_ns: int = 0
+    _last_sinks: dict[str, Any] | None = None
+    _last_sinks_ns: int = 0
 
     def compose(self, now_ns: int, children: Iterable[Child]) -> dict[str, Any]:
         """One health message."""
@@ -38,7 +40,6 @@ class HealthBoard:
         if hint := self._describe_silence(now_ns):
             storage = {**storage, "state": "error", "hint": hint}
         links = self._assess_links(now_ns)
-        sinks = {} if self.sinks is None else {"sinks": self.sinks}
         return {
             "t_ns": now_ns,
             "session": {**self.session, "state": _session_state(self.session["state"], storage.get("state"))},
@@ -48,7 +49,7 @@ class HealthBoard:
             "storage": storage,
             "snapshot": self.recorder.get("snapshot"),
             "navigation": navigation,
-            **sinks,
+            **self._assess_sinks(now_ns),
         }
 
     def answer_delay_reason(self) -> str:
@@ -81,6 +82,17 @@ class HealthBoard:
         )
         stopped = {"state": LinkState.SILENT, "hint": constant, "clocks": []}
         return late, {name: {**device, **stopped} for name, device in devices.items()}
+
+    def _assess_sinks(self, now_ns: int) -> dict[str, Any]:
+        """Sinks from the report of the publish process, absent without one; all are silent if the report is old."""
+        if self.sinks is None:
+            return {}
+        if self._last_sinks is not self.sinks:
+            self._last_sinks, self._last_sinks_ns = self.sinks, now_ns
+        if now_ns - self._last_sinks_ns <= LATE_NS:
+            return {"sinks": self.sinks}
+        silent = {"state": "silent", "hint": f"no report from publish for more than {LATE_NS / 1e9:.0f} s", "peers": None}
+        return {"sinks": {name: {**sink, **silent} for name, sink in self.sinks.items()}}
 
     def _assess_links(self, now_ns: int) -> dict[str, dict[str, Any]]:
         """Links from the report of the recorder; all are silent if the report is old."""
