@@ -61,8 +61,15 @@ def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: s
         elif item["type"] == "union_tag_not_found":
             yield f"{file}: {where}.{_discriminator(item)}: missing; it must be given"
         else:
-            message = PATTERNS.get(item.get("ctx", {}).get("pattern", "")) or item["msg"][0].lower() + item["msg"][1:]
-            yield f"{file}: {where} = {_format_value(item['input'])}: {message}"
+            yield f"{file}: {where} = {_format_value(item['input'])}: {_message(item)}"
+
+
+def _message(item: ErrorDetails) -> str:
+    """What is wrong with a value."""
+    context = item.get("ctx", {})
+    if item["type"] == "value_error":  # of a validator of ours; pydantic puts its name of the error in front
+        return str(context["error"])
+    return PATTERNS.get(context.get("pattern", "")) or item["msg"][0].lower() + item["msg"][1:]
 
 
 def _has_wrong_entry(error: ValidationError, loc: tuple[int | str, ...]) -> bool:

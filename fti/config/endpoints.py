@@ -36,9 +36,9 @@ def _check_receiver(text: str) -> str:
         raise ValueError(str(error)) from None
     address = ipaddress.ip_address(host)
     if address.is_multicast or address.is_unspecified or host == BROADCAST:
-        raise ValueError(f"{text}: must be the address of one receiver; multicast and broadcast are not allowed")
+        raise ValueError("must be the address of one receiver; multicast and broadcast are not allowed")
     if not port:
-        raise ValueError(f"{text}: port 0; allowed is 1 to 65535")
+        raise ValueError("port 0; allowed is 1 to 65535")
     return text
 
 

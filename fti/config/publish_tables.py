@@ -18,7 +18,8 @@ AIRCRAFT_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"
 #: Keys that name a file.
 FILE_KEYS = frozenset({"ca_file", "certificate", "private_key", "password_file"})
 
-Port = Annotated[int, Field(ge=1, le=65535)]
+MAX_PORT = 65535
+Port = Annotated[int, Field(ge=1, le=MAX_PORT)]
 #: Patterns of topics.
 TopicPatterns = Annotated[tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(min_length=1)]
 RateHz = Annotated[float, Field(ge=0.001, le=1000)]
@@ -166,6 +167,8 @@ class ZenohTable(TlsKeys):
     @model_validator(mode="after")
     def _check_login(self) -> ZenohTable:
         protocol, _, address = self.connect.partition("/")
+        if not 1 <= (port := int(address.rpartition(":")[2])) <= MAX_PORT:
+            raise ValueError(f"connect: port {port}; allowed is 1 to {MAX_PORT}")
         if (self.user is None) != (self.password_file is None):
             raise ValueError("user and password_file must both be given, or neither")
         if self.user and protocol != "tls" and address.rpartition(":")[0] not in LOOPBACK_HOSTS:

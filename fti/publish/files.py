@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import ssl
 import stat
 from pathlib import Path
@@ -21,10 +22,12 @@ def read_password(path: str, key: str) -> str:
     """
     try:
         with Path(path).open("rb") as file:
-            mode = stat.S_IMODE(Path(path).stat().st_mode)
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
             line = file.readline(MAX_PASSWORD_BYTES)
     except OSError as error:
         raise SinkError(f"{key} = {path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:  # a null byte in the path
+        raise SinkError(f"{key} = {path!a}: cannot be read: {error}") from None
     if mode & READABLE_BY_OTHERS:
         raise SinkError(f"{key} = {path}: other users can read it (mode {mode:04o}); chmod 600 {path}")
     try:
@@ -45,8 +48,13 @@ def make_tls_context(table: TlsKeys, name: str) -> ssl.SSLContext:
     try:
         context = ssl.create_default_context(cafile=table.ca_file)
         if table.certificate:
-            context.load_cert_chain(table.certificate, table.private_key)
-    except OSError as error:  # ssl.SSLError is one
+            context.load_cert_chain(table.certificate, table.private_key, password=_no_passphrase)
+    except (OSError, ValueError) as error:  # ssl.SSLError is an OSError; a null byte in a path
         files = ", ".join(file for file in (table.ca_file, table.certificate, table.private_key) if file)
         raise SinkError(f"{name}: ca_file, certificate, private_key: {files}: {error}") from None
     return context
+
+
+def _no_passphrase() -> str:
+    """Instead of OpenSSL's question at the terminal, which nobody answers during a flight."""
+    raise ValueError("the private key is encrypted; it must have no passphrase")

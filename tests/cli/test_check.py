@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,8 @@ def test_every_sink_that_there_is_is_described() -> None:
         ("[publish.foxglove]\nport = 9\n[publish.nmea]\ntcp_port = 9", "port = 9: is also publish.nmea.tcp_port"),
         ('[publish.mqtt]\nuser = "a"\npassword_file = "none"', "publish.mqtt.password_file = "),
         ("[publish.mqtt]\ntls = true\nca_file = 'bench.toml'", "publish.mqtt: ca_file, certificate, private_key"),
+        ('[publish.mqtt]\nuser = "a"\npassword_file = "a\\u0000b"', "publish.mqtt.password_file = "),
+        ('[publish.mqtt]\ntls = true\nca_file = "a\\u0000b"', "embedded null byte"),
     ],
 )
 def test_a_sink_that_cannot_work_is_a_warning(
@@ -123,14 +126,30 @@ def test_a_sink_that_cannot_work_is_a_warning(
     [
         ("[publish.mqtt]\nca_file = 'ca.pem'", "ca_file and certificate need tls = true"),
         ("[publish.foxglove]\nhost = '0.0.0.0'", "publish.foxglove.host: there is no such key"),
-        ("[publish.nmea]", "tcp_port or udp is required"),
+        ("[publish.nmea]", "{}: tcp_port or udp is required"),
+        ("[publish.gdl90]\nudp = ['224.0.0.1:4000']", "= '224.0.0.1:4000': must be the address of one receiver"),
+        ("[publish.zenoh]\nconnect = 'tcp/127.0.0.1:65536'", "connect: port 65536; allowed is 1 to 65535"),
     ],
 )
-def test_a_wrong_combination_is_refused(
+def test_a_wrong_value_or_combination_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, words: str
 ) -> None:
-    assert main(["check", str(publish_config(tmp_path, text))]) != 0
-    assert words in capsys.readouterr().err
+    assert main(["check", str(publish_config(tmp_path, text))]) == 2
+    error = capsys.readouterr().err
+    assert words in error and "value error" not in error
+
+
+def test_an_encrypted_private_key_is_a_warning_and_no_question(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """OpenSSL would ask for the passphrase at the terminal, and wait."""
+    key, certificate = tmp_path / "a.key", tmp_path / "a.pem"
+    command = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-subj", "/CN=a"]
+    command += ["-keyout", str(key), "-out", str(certificate), "-passout", "pass:secret"]
+    subprocess.run(command, check=True, capture_output=True)
+    text = f"[publish.mqtt]\ntls = true\ncertificate = '{certificate}'\nprivate_key = '{key}'"
+    assert main(["check", str(publish_config(tmp_path, text))]) == 0
+    assert "the private key is encrypted; it must have no passphrase" in capsys.readouterr().out
 
 
 def test_lists_have_one_thing_per_line_name_first(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

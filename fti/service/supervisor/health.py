@@ -91,7 +91,11 @@ class HealthBoard:
             self._last_sinks, self._last_sinks_ns = self.sinks, now_ns
         if now_ns - self._last_sinks_ns <= LATE_NS:
             return {"sinks": self.sinks}
-        silent = {"state": "silent", "hint": f"no report from publish for more than {LATE_NS / 1e9:.0f} s", "peers": None}
+        silent = {
+            "state": "silent",
+            "hint": f"no report from publish for more than {LATE_NS / 1e9:.0f} s",
+            "peers": None,
+        }
         return {"sinks": {name: {**sink, **silent} for name, sink in self.sinks.items()}}
 
     def _assess_links(self, now_ns: int) -> dict[str, dict[str, Any]]:
