@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from fti.cli._arguments import number
+
 if TYPE_CHECKING:
     from fti.config import ZenohTable
 
 #: Values older than this are shown as late, also over a slow link [s].
 MAX_AGE_S = 2.0
+max_age = number(0.0, 600.0, "0 to 600 seconds")
 
 
 def add_router_arguments(
@@ -27,7 +30,7 @@ def add_router_arguments(
     group.add_argument("--password-file", metavar="FILE", help="file with the password, readable by its owner only")
     group.add_argument(
         "--max-age",
-        type=float,
+        type=max_age,
         default=MAX_AGE_S,
         metavar="S",
         help=f"a value is late above this age, or above its own limit (default: {MAX_AGE_S:g} s)",

@@ -19,6 +19,7 @@ import contextlib
 import signal
 from typing import TYPE_CHECKING
 
+from fti.cli._arguments import whole_number
 from fti.cli._printing import print_line
 from fti.cli._router_arguments import add_router_arguments, router_table
 from fti.cli.main import EXIT_INTERRUPTED
@@ -31,7 +32,9 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti ground``."""
     add_router_arguments(parser, "--connect", is_required=True)
-    parser.add_argument("--port", type=int, default=8090, help="port of the page, 0: any free one (default: 8090)")
+    parser.add_argument(
+        "--port", type=whole_number(0, 65535), default=8090, help="port of the page, 0: any free one (default: 8090)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from fti.config.endpoints import ENDPOINT_PATTERN
+from fti.config.publish_tables import AIRCRAFT_PATTERN, ROUTER_PATTERN
 from fti.config.strict_model import StrictModel
 from fti.config.tables import DATE_PATTERN, NAME_PATTERN
 from fti.errors import ConfigError, did_you_mean, similar_name
@@ -20,6 +21,8 @@ Model = TypeVar("Model", bound=StrictModel)
 PATTERNS = {
     NAME_PATTERN: "must be lower-case letters, digits and _, a letter first",
     ENDPOINT_PATTERN: "must be ADDRESS:PORT, such as '192.168.10.1:4000'",
+    AIRCRAFT_PATTERN: "must be at most 32 letters, digits, _ and -, a letter or digit first",
+    ROUTER_PATTERN: "must be tcp/HOST:PORT or tls/HOST:PORT, such as 'tls/ground:7447'",
     DATE_PATTERN: "must be YYYY, YYYY-MM or YYYY-MM-DD",
 }
 #: The command that describes the kinds of a table, by the name of the table.

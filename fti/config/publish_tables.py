@@ -14,6 +14,8 @@ from fti.config.strict_model import StrictModel
 LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
 #: Without wildcards and separators of MQTT, zenoh and paths.
 AIRCRAFT_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"
+#: Endpoint of a router, in zenoh notation.
+ROUTER_PATTERN = r"^(tcp|tls)/[^/\s#?]+:\d{1,5}$"
 
 #: Keys that name a file.
 FILE_KEYS = frozenset({"ca_file", "certificate", "private_key", "password_file"})
@@ -147,7 +149,7 @@ class ZenohTable(TlsKeys):
 
     connect: Annotated[
         str,
-        Field(pattern=r"^(tcp|tls)/[^/\s#?]+:\d{1,5}$"),
+        Field(pattern=ROUTER_PATTERN),
         key(
             "endpoint of the router in zenoh notation; tls checks its certificate and name", NO_UNIT, "tls/ground:7447"
         ),

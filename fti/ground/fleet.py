@@ -6,13 +6,14 @@ those of the bus.
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from fti.bus.message import MessageError, decode, shorten
 from fti.ground.link_delay import LinkDelay
-from fti.messages.topics import BUS_EVENT
+from fti.messages.topics import BUS_EVENT, BUS_HEALTH
 from fti.web.live_state import Contact, LiveState
 
 #: Aircraft beyond this number are ignored.
@@ -22,6 +23,10 @@ MAX_NAME = 64
 MAX_REPAIR = 200
 NS_PER_MS = 1_000_000
 WARNING_PERIOD_NS = 10_000_000_000
+#: After this silence a session is followed by any other one, also by one whose computer has an earlier time.
+SUCCESSION_NS = 60_000_000_000
+#: Time of the start, and number, at the end of the name of a session.
+SESSION_START = re.compile(r"_(\d{8}T\d{6}Z)_(\d{1,9})$")
 LOST = "no message from the aircraft for {silence_s:.1f} s; its state is unknown"
 
 
@@ -40,6 +45,12 @@ class Key(NamedTuple):
             return None
         return cls(parts[1], parts[2], f"/{parts[3]}")
 
+    @property
+    def start(self) -> tuple[str, int, str]:
+        """Orders the sessions of an aircraft by their start; their names may begin differently."""
+        found = SESSION_START.search(self.session)
+        return (found[1], int(found[2]), self.session) if found else ("", 0, self.session)
+
 
 class MissingEvents(NamedTuple):
     """Numbers of events that did not arrive, ``first`` to ``last``."""
@@ -57,12 +68,13 @@ class Aircraft:
     """
 
     def __init__(self, key: Key, now_ns: int, max_age_ms: float) -> None:
-        self.name, self.session = key.aircraft, key.session
+        self.key, self.name, self.session = key, key.aircraft, key.session
         self.live = LiveState(now_ns, Contact("NO CONTACT", LOST, max(2.0 * max_age_ms, 5000.0), by_health=False))
         self.last_ns = now_ns
         self._max_age_ms = max_age_ms
         self._delay = LinkDelay()
         self._boot = ""
+        self._is_replay = False
         self._last_event = 0
         self._refused, self._warning_due_ns = 0, now_ns
 
@@ -76,26 +88,30 @@ class Aircraft:
             return None
         boot, number = str(fields.pop("boot", "")), fields.pop("number", 0)
         self.last_ns = now_ns
+        if boot != self._boot:  # numbers and times may begin again
+            self._boot, self._last_event, self._delay = boot, 0, LinkDelay()
         if name != BUS_EVENT:
             self._show(name, fields, now_ns)
             return None
         if topic == name:
-            return self._handle_event(boot, number if isinstance(number, int) else 0, fields, now_ns)
+            return self._handle_event(number if isinstance(number, int) else 0, fields, now_ns)
         self.live.update(name, fields, now_ns)  # the answer to a query
         return None
 
     def _show(self, topic: str, fields: dict[str, Any], now_ns: int) -> None:
         age_ms = fields.get("age_ms") or 0.0
         published_ns = fields["t_ns"] + round(age_ms * NS_PER_MS) if isinstance(fields.get("t_ns"), int) else now_ns
+        if topic == BUS_HEALTH:
+            self._is_replay = fields["session"].get("origin") == "replay"
         delay_ns = self._delay.update(published_ns, now_ns)
+        if self._is_replay:  # its times are repeated, or pass faster: they do not show the delay of the link
+            delay_ns, self._delay = 0, LinkDelay()
         if "max_age_ms" in fields:
             fields["max_age_ms"] = max(fields["max_age_ms"], self._max_age_ms)
         self.live.update(topic, fields, now_ns - delay_ns)
 
-    def _handle_event(self, boot: str, number: int, fields: dict[str, Any], now_ns: int) -> MissingEvents | None:
+    def _handle_event(self, number: int, fields: dict[str, Any], now_ns: int) -> MissingEvents | None:
         """Show an event once; returns the missing ones before it."""
-        if boot != self._boot:
-            self._boot, self._last_event = boot, 0
         if number <= self._last_event:  # sent again
             return None
         first, self._last_event = max(self._last_event + 1, number - MAX_REPAIR), number
@@ -134,7 +150,7 @@ class Fleet:
         known = self._aircraft.get(key.aircraft)
         if known and known.session == key.session:
             return known
-        is_newer = known is not None and key.session > known.session  # names end with the time of the start
+        is_newer = known is not None and (key.start > known.key.start or now_ns - known.last_ns > SUCCESSION_NS)
         if (known is None and len(self._aircraft) < MAX_AIRCRAFT) or is_newer:
             known = self._aircraft[key.aircraft] = Aircraft(key, now_ns, self._max_age_ms)
             return known

@@ -14,7 +14,7 @@ from fti.config import ZenohTable
 from fti.errors import MissingError
 from fti.ground.fleet import Fleet, MissingEvents
 from fti.publish.sink import SinkError
-from fti.publish.sinks.zenoh import make_config
+from fti.publish.sinks.zenoh import describe_error, make_config
 
 #: Pattern of the keys of all aircraft, and of their liveliness.
 KEYS, ALIVE_KEYS = "fti/**", "fti/*/*/@alive/*"
@@ -37,7 +37,9 @@ class RouterClient:
             self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(make_config(table))))
             self._session.declare_subscriber(KEYS, self._on_sample)
             self._session.liveliness().declare_subscriber(ALIVE_KEYS, self._on_alive, history=True)
-        except (zenoh.ZError, SinkError) as error:
+        except zenoh.ZError as error:
+            raise MissingError(f"{table.connect}: {describe_error(error)}") from None
+        except SinkError as error:
             raise MissingError(f"{table.connect}: {error}") from None
         self._thread = threading.Thread(target=self._query, name="fti-ground-queries", daemon=True)
         self._thread.start()

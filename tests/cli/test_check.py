@@ -126,6 +126,7 @@ def test_a_sink_that_cannot_work_is_a_warning(
     [
         ("[publish.mqtt]\nca_file = 'ca.pem'", "ca_file and certificate need tls = true"),
         ("[publish.foxglove]\nhost = '0.0.0.0'", "publish.foxglove.host: there is no such key"),
+        ("[publish.zenoh]\nconnect = 'ground:7447'", "must be tcp/HOST:PORT or tls/HOST:PORT, such as"),
         ("[publish.nmea]", "{}: tcp_port or udp is required"),
         ("[publish.gdl90]\nudp = ['224.0.0.1:4000']", "= '224.0.0.1:4000': must be the address of one receiver"),
         ("[publish.zenoh]\nconnect = 'tcp/127.0.0.1:65536'", "connect: port 65536; allowed is 1 to 65535"),

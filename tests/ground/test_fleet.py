@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fti.ground.fleet import MAX_AIRCRAFT, Fleet, Key, MissingEvents, summaries
 from fti.ground.link_delay import LinkDelay
+from tests.web.fake_daemon import make_health
 
 S_NS = 1_000_000_000
 MS_NS = 1_000_000
@@ -128,6 +129,49 @@ def test_a_new_session_replaces_the_old_one_and_not_the_reverse() -> None:
     state = fleet.states(START_NS)["D-EFTI"]
     assert state["session"] == "demo_20261129T190000Z_0"
     assert [event["text"] for event in state["events"]] == ["new"]
+
+
+@pytest.mark.parametrize(
+    ("earlier", "later"),
+    [("da42_20261129T180000Z_0", "b_20261129T190000Z_0"), ("a_20261129T180000Z_9", "a_20261129T180000Z_10")],
+)
+def test_the_start_of_a_session_says_which_is_newer(earlier: str, later: str) -> None:
+    fleet = Fleet(2000.0)
+    for session in (earlier, later, earlier):
+        fields = {"boot": "n", "number": 1, "t_ns": 1, "level": "info", "source": "x", "text": "new"}
+        send(fleet, "/event", START_NS, fields, f"fti/D-EFTI/{session}")
+    assert fleet.states(START_NS)["D-EFTI"]["session"] == later
+
+
+def test_a_silent_session_is_followed_by_one_with_an_earlier_time() -> None:
+    """The computer of the aircraft was started again, and its clock has lost the time."""
+    fleet = Fleet(2000.0)
+    fields = {"boot": "n", "number": 1, "t_ns": 1, "level": "info", "source": "x", "text": "again"}
+    send_event(fleet, 1)
+    for wait_s, session in ((59, PREFIX.rpartition("/")[2]), (61, "demo_20200101T000000Z_0")):
+        send(fleet, "/event", START_NS + wait_s * S_NS, fields, "fti/D-EFTI/demo_20200101T000000Z_0")
+        assert fleet.states(START_NS)["D-EFTI"]["session"] == session
+
+
+def test_times_that_begin_again_with_a_boot_are_no_delay() -> None:
+    fleet = Fleet(2000.0)
+    send_integrity(fleet, START_NS + 3600 * S_NS, START_NS)
+    now_ns = START_NS + 10 * S_NS
+    fields = {"boot": "b", "number": 1, "t_ns": START_NS, "age_ms": 20.0, **INTEGRITY}
+    send(fleet, "/nav/clearance_integrity", now_ns, fields)
+    assert integrity(fleet, now_ns)["valid"]
+
+
+@pytest.mark.parametrize(("origin", "is_valid"), [("replay", True), ("flight", False)])
+def test_a_replay_that_begins_again_is_not_late(origin: str, is_valid: bool) -> None:
+    """Its times are those of the recording; they go back, and the link has no delay."""
+    fleet = Fleet(2000.0)
+    health = make_health(0.0, 1, 1)
+    health["session"]["origin"] = origin
+    send(fleet, "/health", START_NS, {"boot": "a", "number": 1, **health})
+    send_integrity(fleet, START_NS + 3600 * S_NS, START_NS + 1 * S_NS)
+    send_integrity(fleet, START_NS, START_NS + 2 * S_NS)
+    assert integrity(fleet, START_NS + 2 * S_NS)["valid"] is is_valid
 
 
 def test_several_aircraft_are_apart_and_their_number_is_limited() -> None:

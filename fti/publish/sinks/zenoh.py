@@ -59,7 +59,7 @@ class ZenohSink:
             self._token = self._session.liveliness().declare_token(f"{self._prefix}/{ALIVE}")
             self._queryable = self._session.declare_queryable(f"{self._prefix}/**", self._answer)
         except zenoh.ZError as error:
-            raise SinkError(f"publish.zenoh: {self._table.connect}: {error}") from None
+            raise SinkError(f"publish.zenoh: {self._table.connect}: {describe_error(error)}") from None
 
     def send(self, messages: Sequence[PublishedMessage]) -> None:
         """See ``Sink``."""
@@ -137,6 +137,11 @@ class KeptMessages:
 def _number(text: str | None) -> int | None:
     """A parameter of a query; None if it is not a number."""
     return int(text) if text and re.fullmatch("[0-9]{1,18}", text) else None
+
+
+def describe_error(error: zenoh.ZError) -> str:
+    """What is wrong, without the lines of zenoh's source that have found it."""
+    return re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
 
 
 def make_config(table: ZenohTable) -> dict[str, Any]:
