@@ -15,8 +15,8 @@ class SinkError(Exception):
 class Sink(Protocol):
     """Sends messages to the peers of one protocol.
 
-    One thread calls all methods.  A method may block; that delays only this sink.  After ``SinkError`` the sink is
-    closed, and opened again later; the events of a failed ``send`` are sent again.
+    One thread calls all methods but ``count_peers``.  A method may block; that delays only this sink.  After
+    ``SinkError`` the sink is closed, and opened again later; the events of a failed ``send`` are sent again.
     """
 
     @property
@@ -33,7 +33,7 @@ class Sink(Protocol):
         """
 
     def count_peers(self) -> int | None:
-        """Number of connected peers; None if the protocol has no connections."""
+        """Number of connected peers; None if the protocol has no connections.  Another thread calls it."""
 
     def close(self) -> None:
         """Disconnect; also after a failed ``open``.  Must not raise."""

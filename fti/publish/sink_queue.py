@@ -156,6 +156,15 @@ class SinkQueue:
             self._event_bytes += sum(len(event.payload) for event in events)
             self._limit_events()
 
+    def drop_events(self) -> int:
+        """Drop the events that wait, because nobody will take them; returns their number."""
+        with self._condition:
+            lost = len(self._events)
+            self.counts.lost_events += lost
+            self._events.clear()
+            self._event_bytes = 0
+        return lost
+
     def queue_all_values(self) -> None:
         """Queue the newest message of every topic: a peer has connected that may know none of them."""
         with self._condition:

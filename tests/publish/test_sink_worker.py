@@ -128,6 +128,32 @@ def test_the_last_messages_are_sent_at_the_end(bench: Bench) -> None:
     assert not bench.sink.is_open
 
 
+def test_a_peer_that_always_disconnects_is_tried_ever_more_rarely(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A broker that refuses a topic by ending the connection; each attempt gives two events."""
+    monkeypatch.setattr(sink_worker, "MAX_RETRY_S", 10.0)
+    bench.sink.failing = True
+    bench.worker.start()
+    until(lambda: bench.worker.health().connects >= 2)
+    time.sleep(1.0)
+    assert 3 <= bench.worker.health().connects <= 8  # 0.01 s, 0.02 s, ...: their sum is 1.27 s after seven
+    bench.sink.failing = False
+
+
+def test_events_that_wait_at_the_end_are_lost_and_reported(bench: Bench) -> None:
+    bench.sink.refusals = ["127.0.0.1:1: connection refused"] * 1000
+    for number in (1, 2, 3):
+        bench.queue.put(event(number))
+    bench.worker.start()
+    until(lambda: bench.events)
+    bench.worker.request_end()
+    assert bench.worker.join()
+    health = bench.worker.health()
+    assert (health.waiting_events, health.lost_events) == (0, 3)
+    assert bench.events[-1] == ("warning", "publish mqtt", "3 events could not be sent before the end")
+
+
 def test_a_sink_that_blocks_does_not_hold_the_end(bench: Bench) -> None:
     bench.worker.start()
     until(lambda: bench.sink.idle_calls)

@@ -95,7 +95,8 @@ class ZenohSink:
 
     def count_peers(self) -> int | None:
         """See ``Sink``: the number of routers."""
-        return len(self._session.info.routers_zid()) if self._session else 0
+        session = self._session
+        return len(session.info.routers_zid()) if session else 0
 
     def close(self) -> None:
         """See ``Sink``."""

@@ -14,6 +14,8 @@ from fti.service.fault_guard import ReportEvent, catch_failures
 
 #: Delay before the next attempt to connect: doubled after each failure [s].
 FIRST_RETRY_S, MAX_RETRY_S = 0.5, 15.0
+#: After a connection that has lasted so long the next delay is the first one again [s].
+WORKS_S = 15.0
 #: A sink is called at least this often [s], so that it can serve its peers.
 IDLE_S = 0.5
 #: Time for the last messages at the end [s].
@@ -31,6 +33,7 @@ class SinkWorker:
         self._sink, self._report = sink, report
         self._ending = threading.Event()
         self._sent, self._connects = 0, 0
+        self._open_s = 0.0
         self._is_open, self._fault, self._reported = False, "", ""
         self._thread = threading.Thread(target=self._run, name=f"fti-sink-{name}", daemon=True)
 
@@ -52,7 +55,7 @@ class SinkWorker:
         """State and counts of the sink."""
         counts, is_open = self.queue.counts, self._is_open
         peers = None
-        with catch_failures(self.name, self._fail):
+        with catch_failures(self.name, lambda unit, error: None):  # it has just been closed by its thread
             peers = self._sink.count_peers() if is_open else None
         return SinkHealth(
             state="connected" if is_open else "retrying" if self._fault else "connecting",
@@ -72,16 +75,20 @@ class SinkWorker:
             with catch_failures(self.name, self._fail):
                 self._sink.open()
                 self._on_open()
-                retry_s = FIRST_RETRY_S
                 self._send_until_end()
+            if self._is_open and time.monotonic() - self._open_s > WORKS_S:
+                retry_s = FIRST_RETRY_S
             self._is_open = False
             with catch_failures(self.name, self._fail):
                 self._sink.close()
             self._ending.wait(retry_s)
             retry_s = min(2.0 * retry_s, MAX_RETRY_S)
+        if lost := self.queue.drop_events():
+            self._report("warning", f"publish {self.name}", f"{lost} events could not be sent before the end")
 
     def _on_open(self) -> None:
         self._connects += 1
+        self._open_s = time.monotonic()
         self._is_open, self._fault = True, ""
         if self._connects > 1:
             self.queue.queue_all_values()
