@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import Counter
 from collections.abc import Iterable
 
 from fti.publish.message import PublishedMessage
 from fti.publish.sink_queue import MAX_TOPICS, SinkQueue
+
+#: Without the wildcards of MQTT and zenoh: such a topic would end the connection again and again.
+TOPIC = re.compile(r"(/[A-Za-z0-9_-]+)+")
 
 
 class FanOut:
@@ -18,8 +22,14 @@ class FanOut:
         self._numbers: Counter[str] = Counter()
 
     def publish(self, topic: str, payload: bytes) -> None:
-        """Queue a message of the bus; never waits.  Of more than ``MAX_TOPICS`` topics the later ones are ignored."""
-        if topic not in self._numbers and len(self._numbers) >= MAX_TOPICS:
+        """Queue a message of the bus; never waits.
+
+        Ignored are a topic with other characters than those of ``TOPIC``, topics beyond ``MAX_TOPICS``, and a payload
+        that does not begin as a table.
+        """
+        if topic not in self._numbers and (len(self._numbers) >= MAX_TOPICS or not TOPIC.fullmatch(topic)):
+            return
+        if not payload.startswith(b"{"):
             return
         self._numbers[topic] += 1
         message = PublishedMessage(topic, payload, self._numbers[topic], time.monotonic())

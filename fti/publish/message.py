@@ -18,6 +18,8 @@ MAX_UNSTATED_MS = 50.0
 #: Limit of a stated age: ten days [ms].
 MAX_AGE_MS = 864e6
 OUTPUT_PREFIX = "/nav/"
+#: Instead of an output whose age cannot be read.
+NOT_VALID = b'{"late":true,"valid":false}'
 
 
 class PublishedMessage(NamedTuple):
@@ -48,10 +50,13 @@ class PublishedMessage(NamedTuple):
 
 
 def _aged(payload: bytes, waited_ms: float) -> bytes:
-    """The payload of an output with its present age.  A late output is not valid."""
-    fields = orjson.loads(payload)
-    age_ms = min((fields.get("age_ms") or 0.0) + waited_ms, MAX_AGE_MS)
-    is_late = bool(fields.get("late")) or age_ms > fields.get("max_age_ms", OUTPUT_MAX_AGE_MS)
+    """The payload of an output with its present age.  A late output is not valid, nor is one without a contract."""
+    try:
+        fields = orjson.loads(payload)
+        age_ms = min((fields.get("age_ms") or 0.0) + waited_ms, MAX_AGE_MS)
+        is_late = bool(fields.get("late")) or age_ms > fields.get("max_age_ms", OUTPUT_MAX_AGE_MS)
+    except (orjson.JSONDecodeError, TypeError):  # of a program that violates the contract of the bus
+        return NOT_VALID
     fields |= {"age_ms": round(age_ms, 3), "late": is_late}
     if is_late:
         fields["valid"] = False

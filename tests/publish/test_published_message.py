@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fti.publish.fan_out import FanOut
 from fti.publish.message import PublishedMessage
+from fti.publish.sink_queue import SinkQueue
 
 OUTPUT: dict[str, Any] = {"t_ns": 5, "valid": True, "reasons": [], "age_ms": 40.0, "max_age_ms": 500.0, "late": False}
 
@@ -51,3 +54,33 @@ def test_it_is_never_valid_above_its_largest_age(waited_s: float, age_ms: float,
     fields = {**OUTPUT, "age_ms": age_ms, "late": late or age_ms > 500.0, "valid": valid and age_ms <= 500.0}
     found = after(waited_s, **fields)
     assert not (found["valid"] and age_ms + 1000.0 * waited_s > 550.0)
+
+
+VALUES = (
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=3)
+)
+TABLES = st.dictionaries(
+    st.sampled_from(["age_ms", "max_age_ms", "late", "valid"]), VALUES | st.lists(VALUES, max_size=2)
+)
+PAYLOADS = TABLES.map(lambda fields: json.dumps(fields).encode())
+
+
+@given(PAYLOADS | st.binary(max_size=40) | st.binary(max_size=40).map(b"{".__add__))
+def test_any_payload_of_the_bus_gives_a_message(payload: bytes) -> None:
+    """A sink that fails at a message would disconnect, and get it again."""
+    queue = SinkQueue()
+    FanOut([queue]).publish("/nav/x", payload)
+    for message in queue.take_all():
+        sent = message.numbered_json("b", message.received_s + 1.0)
+        fields = json.loads(sent)
+        assert (fields["boot"], fields["number"]) == ("b", 1)
+        assert fields["late"] or not fields.get("valid") or fields["age_ms"] <= fields.get("max_age_ms", 500.0)
+
+
+@pytest.mark.parametrize("topic", ["/nav/+", "/nav/#", "/nav/*", "/nav//x", "/nav/x/", "nav", "", "/nav/a b", "/\0"])
+def test_a_topic_with_a_wildcard_is_ignored(topic: str) -> None:
+    queue = SinkQueue()
+    fan_out = FanOut([queue])
+    fan_out.publish(topic, b"{}")
+    fan_out.publish("/nav/height_above_ground/radalt_2", b"{}")
+    assert [message.topic for message in queue.take_all()] == ["/nav/height_above_ground/radalt_2"]
