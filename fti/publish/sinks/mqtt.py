@@ -13,6 +13,7 @@ state    ``fti/<aircraft>/<session>/state``, retained: ``{"boot", "number", "sta
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections.abc import Coroutine, Sequence
 from contextlib import suppress
@@ -33,6 +34,9 @@ TIMEOUT_S, END_TIMEOUT_S = 5.0, 1.0
 MAX_PENDING = 10
 #: The broker publishes the last will when it has received nothing for 1.5 times this [s].
 KEEP_ALIVE_S = 10
+#: aiomqtt logs each message that a broker sends without a subscription.
+SILENT = logging.getLogger(__name__)
+SILENT.disabled = True
 #: Time in which the connection is served in each call of ``send`` [s].
 SERVE_S = 0.001
 
@@ -92,6 +96,8 @@ class MqttSink:
             keepalive=KEEP_ALIVE_S,
             timeout=TIMEOUT_S,
             max_concurrent_outgoing_calls=MAX_PENDING,
+            max_queued_incoming_messages=1,
+            logger=SILENT,
             tls_context=make_tls_context(table, "publish.mqtt") if table.tls else None,
         )
         await client.__aenter__()
