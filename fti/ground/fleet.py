@@ -99,16 +99,15 @@ class Aircraft:
         return None
 
     def _show(self, topic: str, fields: dict[str, Any], now_ns: int) -> None:
-        age_ms = fields.get("age_ms") or 0.0
-        published_ns = fields["t_ns"] + round(age_ms * NS_PER_MS) if isinstance(fields.get("t_ns"), int) else now_ns
         if topic == BUS_HEALTH:
             self._is_replay = fields["session"].get("origin") == "replay"
-        delay_ns = self._delay.update(published_ns, now_ns)
         if self._is_replay:  # its times are repeated, or pass faster: they do not show the delay of the link
-            delay_ns, self._delay = 0, LinkDelay()
+            self._delay = LinkDelay()
+        elif isinstance(t_ns := fields.get("t_ns"), int):  # a message without a time has waited as the last one
+            self._delay.update(t_ns + round((fields.get("age_ms") or 0.0) * NS_PER_MS), now_ns)
         if "max_age_ms" in fields:
             fields["max_age_ms"] = max(fields["max_age_ms"], self._max_age_ms)
-        self.live.update(topic, fields, now_ns - delay_ns)
+        self.live.update(topic, fields, now_ns - self._delay.delay_ns)
 
     def _handle_event(self, number: int, fields: dict[str, Any], now_ns: int) -> MissingEvents | None:
         """Show an event once; returns the missing ones before it."""

@@ -13,11 +13,14 @@ class LinkDelay:
 
     Offset of the clocks and shortest delay cannot be distinguished, and are not part of the result.  A message that was
     delayed more than the quickest one so far is older by the difference.
+
+    delay_ns : of the last message [ns]
     """
 
     def __init__(self) -> None:
         self._offset_ns = math.inf
         self._last_ns = 0
+        self.delay_ns = 0
 
     def update(self, published_ns: int, arrived_ns: int) -> int:
         """Delay of a message beyond the shortest one [ns], at least 0.
@@ -27,4 +30,5 @@ class LinkDelay:
         raised_ns = self._offset_ns + MAX_DRIFT * (arrived_ns - self._last_ns)
         self._last_ns = arrived_ns
         self._offset_ns = min(raised_ns, arrived_ns - published_ns)
-        return round(arrived_ns - published_ns - self._offset_ns)
+        self.delay_ns = round(arrived_ns - published_ns - self._offset_ns)
+        return self.delay_ns

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fti.ground.fleet import MAX_AIRCRAFT, Fleet, Key, MissingEvents, summaries
 from fti.ground.link_delay import LinkDelay
-from tests.web.fake_daemon import make_health
+from tests.web.fake_daemon import make_health, make_laboratory
 
 S_NS = 1_000_000_000
 MS_NS = 1_000_000
@@ -172,6 +172,19 @@ def test_a_replay_that_begins_again_is_not_late(origin: str, is_valid: bool) -> 
     send_integrity(fleet, START_NS + 3600 * S_NS, START_NS + 1 * S_NS)
     send_integrity(fleet, START_NS, START_NS + 2 * S_NS)
     assert integrity(fleet, START_NS + 2 * S_NS)["valid"] is is_valid
+
+
+def test_the_laboratory_which_has_no_time_is_as_old_as_the_last_message() -> None:
+    fleet = Fleet(2000.0)
+    for delay_s in (0, 3):
+        now_ns = START_NS + 10 * delay_s * S_NS
+        send_integrity(fleet, 3600 * S_NS + now_ns, now_ns + delay_s * S_NS)
+        stamp = {"boot": "a", "number": 1, "age_ms": 5.0, "max_age_ms": 1000.0, "late": False}
+        laboratory = {**make_laboratory(1.0), **stamp}
+        send(fleet, "/hil", now_ns + delay_s * S_NS, laboratory)
+        shown = fleet.states(now_ns + delay_s * S_NS)["D-EFTI"]["hil"]
+        assert shown["age_ms"] == pytest.approx(1000.0 * delay_s + 5.0, abs=5.0)
+        assert shown["late"] is (delay_s == 3)
 
 
 def test_several_aircraft_are_apart_and_their_number_is_limited() -> None:
