@@ -151,7 +151,7 @@ def test_events_that_wait_at_the_end_are_lost_and_reported(bench: Bench) -> None
     assert bench.worker.join()
     health = bench.worker.health()
     assert (health.waiting_events, health.lost_events) == (0, 3)
-    assert bench.events[-1] == ("warning", "publish mqtt", "3 events could not be sent before the end")
+    assert bench.events[-1] == ("warning", "publish mqtt", "events that could not be sent before the end: 3")
 
 
 def test_a_sink_that_blocks_does_not_hold_the_end(bench: Bench) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import signal
-import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from fti.clock import SystemClock
 from fti.config import Publish
@@ -20,7 +20,7 @@ from fti.service.publish.process import PublishProcess
 NICE = 10
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> NoReturn:
     """See the module."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--bus", required=True, type=Path)
@@ -43,8 +43,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     channel.send(Ready())
     process.run()
-    return 0
+    channel.flush()
+    os._exit(0)  # the interpreter would wait for a library that connects, until the supervisor kills it
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

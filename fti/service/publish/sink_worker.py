@@ -84,7 +84,7 @@ class SinkWorker:
             self._ending.wait(retry_s)
             retry_s = min(2.0 * retry_s, MAX_RETRY_S)
         if lost := self.queue.drop_events():
-            self._report("warning", f"publish {self.name}", f"{lost} events could not be sent before the end")
+            self._report("warning", f"publish {self.name}", f"events that could not be sent before the end: {lost}")
 
     def _on_open(self) -> None:
         self._connects += 1
