@@ -94,7 +94,8 @@ def _publish(args: argparse.Namespace, config: Config, recording: Recording) -> 
         _wait_for_queues(workers)
     except KeyboardInterrupt:
         was_interrupted = True
-    end_workers(workers)
+    finally:
+        end_workers(workers)
     return was_interrupted, {worker.name: worker.health() for worker in workers}
 
 
@@ -120,6 +121,7 @@ def _send(args: argparse.Namespace, recording: Recording, fan_out: FanOut) -> No
     """Give every message to the sinks at its time."""
     from fti.cli._progress import show_progress
     from fti.constants import SECOND_NS
+    from fti.errors import MissingError
     from fti.hil.replay import length_s
 
     duration_s = length_s(recording)
@@ -138,6 +140,8 @@ def _send(args: argparse.Namespace, recording: Recording, fan_out: FanOut) -> No
                 if duration_s and time.monotonic() - shown_s > SHOW_PERIOD_S:
                     shown_s = time.monotonic()
                     show(f"publish {recording.session}", min(1.0, (args.from_s + recorded_s) / duration_s))
+            if begin_ns is None:
+                raise MissingError(f"{args.session}: has no messages after --from {args.from_s:g} s")
 
 
 def _messages(args: argparse.Namespace, recording: Recording) -> Iterator[RecordedMessage]:
