@@ -75,13 +75,19 @@ def test_a_finished_chunk_without_its_message_index_is_refuted(killed: OpenSessi
     assert "is damaged at byte" in verified.out
 
 
-def test_a_file_cut_off_at_a_sync_is_not_refuted_when_it_is_closed(killed: OpenSession, tmp_path: Path) -> None:
+def _synced_twice(session: OpenSession) -> tuple[Record, list[int]] | None:
+    """The last chunk with two checkpoints of different sizes, and these sizes; None without one."""
+    chunks = {chunk.begin: chunk for chunk in session.parsed.of(CHUNK)}
+    checkpoints = [(chunks[slots.end], _checkpoint_sizes(session, slots)) for slots in session.parsed.of(CHECKPOINTS)]
+    return next(((c, sizes) for c, sizes in reversed(checkpoints) if 0 < sizes[0] < sizes[1]), None)
+
+
+def test_a_file_cut_off_at_a_sync_is_not_refuted_when_it_is_closed(tmp_path: Path) -> None:
     """All that is left of it is verified, and the checkpoints tell of more: a loss."""
-    chunks = {chunk.begin: chunk for chunk in killed.parsed.of(CHUNK)}
-    checkpoints = [(chunks[slots.end], _checkpoint_sizes(killed, slots)) for slots in killed.parsed.of(CHECKPOINTS)]
-    chunk, sizes = next((c, sizes) for c, sizes in reversed(checkpoints) if 0 < sizes[0] < sizes[1])
-    folder = killed.put(tmp_path, killed.data[: chunk.begin + CHUNK_HEAD_BYTES + sizes[0]])
-    (closed,) = close_all(tmp_path)
+    sessions = (make_open_session(tmp_path / f"made_{seed}", CHUNKS, Random(seed)) for seed in range(20))
+    killed, (chunk, sizes) = next((made, found) for made in sessions if (found := _synced_twice(made)))
+    folder = killed.put(tmp_path / "data", killed.data[: chunk.begin + CHUNK_HEAD_BYTES + sizes[0]])
+    (closed,) = close_all(folder.parent)
     assert closed.unverified == 0
     assert closed.missing_bytes > 0
     for place in (folder, closed.path):
