@@ -6,7 +6,6 @@ with the same files and WebSocket as that of a daemon.
 
 from __future__ import annotations
 
-import asyncio
 import secrets
 from collections.abc import Callable
 
@@ -14,7 +13,7 @@ from aiohttp import web
 
 from fti.ground.fleet import Fleet, summaries
 from fti.web.commands import CommandGate
-from fti.web.server import CLOSED, LoopbackServer, to_json
+from fti.web.server import LoopbackServer, received_texts, to_json
 
 PERIOD_S = 0.5
 
@@ -53,19 +52,8 @@ class FleetServer(LoopbackServer):
             while not socket.closed:
                 rows = [*summaries(self._fleet.states(self.now_ns()))]
                 await socket.send_str(to_json({"aircraft": rows}))
-                await _pause(socket)
+                async for _ in received_texts(socket, PERIOD_S):
+                    pass  # a browser has no commands here
         except ConnectionResetError:
             pass  # the browser has closed the connection
         return socket
-
-
-async def _pause(socket: web.WebSocketResponse) -> None:
-    """Wait for the next period, or for the end of the connection; messages of the browser are ignored."""
-    end_s = asyncio.get_running_loop().time() + PERIOD_S
-    while (remaining_s := end_s - asyncio.get_running_loop().time()) > 0 and not socket.closed:
-        try:
-            message = await socket.receive(timeout=remaining_s)
-        except TimeoutError:
-            return
-        if message.type in CLOSED:
-            await socket.close()

@@ -16,7 +16,7 @@ import asyncio
 import json
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import Any
@@ -93,6 +93,21 @@ async def guard_origin(request: web.Request, handler: Handler) -> web.StreamResp
     if not is_allowed(request):
         raise web.HTTPForbidden(text="only this server's own page on loopback is served", headers=HEADERS)
     return await handler(request)
+
+
+async def received_texts(socket: web.WebSocketResponse, period_s: float) -> AsyncIterator[str]:
+    """The texts that a browser sends within a period [s], or until it closes the connection."""
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + period_s
+    while (remaining_s := end_s - loop.time()) > 0 and not socket.closed:
+        try:
+            message = await socket.receive(timeout=remaining_s)
+        except TimeoutError:
+            return
+        if message.type in CLOSED:
+            await socket.close()
+        elif message.type is WSMsgType.TEXT:
+            yield message.data
 
 
 class LoopbackServer(ABC):
@@ -184,16 +199,9 @@ class LoopbackServer(ABC):
         return socket
 
     async def _pause(self, socket: web.WebSocketResponse, client: PageClient) -> None:
-        """Wait for the next period; answer commands and a closing handshake meanwhile."""
-        end = asyncio.get_running_loop().time() + PERIOD_S
-        while (remaining_s := end - asyncio.get_running_loop().time()) > 0 and not socket.closed:
-            try:
-                message = await socket.receive(timeout=remaining_s)
-            except TimeoutError:
-                return
-            if message.type in CLOSED:
-                await socket.close()
-            elif message.type is WSMsgType.TEXT and (answer := self._gate.handle_message(message.data, client)):
+        """Wait for the next period; answer commands meanwhile."""
+        async for text in received_texts(socket, PERIOD_S):
+            if answer := self._gate.handle_message(text, client):
                 await socket.send_str(to_json(answer))
                 if client.is_refused:
                     await socket.close(code=WSCloseCode.POLICY_VIOLATION)

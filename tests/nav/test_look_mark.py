@@ -179,7 +179,7 @@ def test_turns_that_are_not_small_are_in_the_covariance(sds: tuple[float, float,
     cov = measured.compute_matrices(Estimate(0, truth.y, P, truth.imu, MODEL))[2] - measured.cov
     for direction in np.eye(3):
         found = float(np.sqrt(np.mean((beyond @ direction) ** 2)))
-        stated = float(np.sqrt(max(direction @ to_e.T @ cov @ to_e @ direction, 0.0)))
+        stated = float(np.sqrt(max(float(direction @ to_e.T @ cov @ to_e @ direction), 0.0)))
         assert stated == pytest.approx(found, rel=0.1, abs=0.015), direction
 
 

@@ -97,7 +97,8 @@ def test_the_roughness_is_that_of_the_points_without_their_noise() -> None:
     """Level ground has none; waves of 1 m that are shorter than the step have their RMS, 0.87 m."""
 
     def waves(east: Array, north: Array) -> Array:
-        return hills(east, north) + np.sin(2.1 * east) * np.sin(1.7 * north) + np.sin(1.3 * east + 2.6 * north)
+        short: Array = np.sin(2.1 * east) * np.sin(1.7 * north) + np.sin(1.3 * east + 2.6 * north)
+        return hills(east, north) + short
 
     assert drift_of(flat, (0.0, 0.0, 0.0), 4).roughness < 0.03
     short, long = (drift_of(surface, (0.0, 0.0, 0.0), 4).roughness for surface in (waves, hills))

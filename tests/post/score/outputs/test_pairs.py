@@ -36,7 +36,7 @@ def test_each_valid_solution_has_its_location() -> None:
     ],
 )
 def test_a_location_moves_as_its_solution(location: dict[str, Any], result: Result) -> None:
-    motion = {"heading": 1.5, "vel_east": 50.0, "vel_north": 3.0, "vel_down": -2.0}
+    motion: dict[str, Any] = {"heading": 1.5, "vel_east": 50.0, "vel_north": 3.0, "vel_down": -2.0}
     solution = messages("/nav/nav_solution", T, valid=True, **motion)
     assert locations(messages("/nav/location", T, **location), solution).result is result
 
