@@ -20,8 +20,12 @@ export class Question {
     this.no = h("button", { type: "button", autofocus: "", "data-testid": "question-no" }, "CANCEL");
     this.yes = h("button", { type: "button", class: "yes", "data-testid": "question-yes" });
     this.dialog = makeDialog("question", this.title, this.text, h("div", { class: "choices" }, this.no, this.yes));
-    this.no.addEventListener("click", () => this.dialog.close());
-    this.yes.addEventListener("click", () => this.dialog.close("yes"));
+    this.resolve = null; // of the open question
+    this.no.addEventListener("click", () => this.#end(false));
+    this.yes.addEventListener("click", () => this.#end(true));
+    this.dialog.addEventListener("cancel", () => this.#end(false)); // Escape
+    // The event comes after the dialog is closed, maybe when the next question is open.
+    this.dialog.addEventListener("close", () => this.dialog.open || this.#end(false));
   }
 
   // Resolves to true if the operator has agreed.
@@ -29,14 +33,20 @@ export class Question {
     setText(this.title, title);
     setText(this.text, text);
     setText(this.yes, action);
-    this.dialog.returnValue = "";
     this.dialog.showModal();
     return new Promise((resolve) => {
-      this.dialog.addEventListener("close", () => resolve(this.dialog.returnValue === "yes"), { once: true });
+      this.resolve = resolve;
     });
   }
 
   withdraw() {
+    this.#end(false);
+  }
+
+  #end(agreed) {
+    const { resolve } = this;
+    this.resolve = null;
     this.dialog.close();
+    resolve?.(agreed);
   }
 }
