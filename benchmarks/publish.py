@@ -4,8 +4,9 @@
 
 The daemon records the 23 links of the soak test at the aircraft's rate (2.1 kmsg/s), in turn without [publish] and with
 all its sinks, each with a connected peer: a broker with a subscriber, a router with a subscriber, a Foxglove client, an
-NMEA client, and receivers of datagrams.  Peers run in processes of their own.  Target: the publish process takes at
-most 10 % of a core; the other processes no more than without it, but for the noise of the rounds.
+NMEA client, and receivers of datagrams; and again while broker and router are stopped.  Peers run in processes of
+their own.  Target: the publish process takes at most 10 % of a core; the other processes no more than without it, but
+for the noise of the rounds.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -66,9 +68,16 @@ while True:
 """
 
 
+class Peers(NamedTuple):
+    """publish : tables of ``[publish]``;  servers : the broker and the router"""
+
+    publish: str
+    servers: tuple[Broker, Router]
+
+
 @contextlib.contextmanager
-def peers(folder: Path) -> Iterator[str]:
-    """Peers of every sink; yields the tables of ``[publish]``."""
+def run_peers(folder: Path) -> Iterator[Peers]:
+    """Peers of every sink."""
     with contextlib.ExitStack() as stack:
 
         def run(*command: str) -> None:
@@ -89,39 +98,53 @@ def peers(folder: Path) -> Iterator[str]:
         for receiver in receivers:
             receiver.bind(("127.0.0.1", 0))
         mavlink, gdl90 = (json.dumps([f"127.0.0.1:{one.getsockname()[1]}"]) for one in receivers)
-        yield "\n".join(
-            [
-                "[publish.mqtt]",
-                f"port = {broker.port}",
-                "[publish.zenoh]",
-                f'connect = "{router.endpoint}"',
-                "[publish.foxglove]",
-                f"port = {foxglove}",
-                "[publish.nmea]",
-                f"tcp_port = {nmea}",
-                "[publish.mavlink]",
-                f"udp = {mavlink}",
-                "[publish.gdl90]",
-                f"udp = {gdl90}",
-            ]
-        )
+        tables = [
+            "[publish.mqtt]",
+            f"port = {broker.port}",
+            "[publish.zenoh]",
+            f'connect = "{router.endpoint}"',
+            "[publish.foxglove]",
+            f"port = {foxglove}",
+            "[publish.nmea]",
+            f"tcp_port = {nmea}",
+            "[publish.mavlink]",
+            f"udp = {mavlink}",
+            "[publish.gdl90]",
+            f"udp = {gdl90}",
+        ]
+        yield Peers("\n".join(tables), (broker, router))
 
 
-def run_round(duration_s: float, with_sinks: bool) -> Soak:
+def run_round(duration_s: float, with_sinks: bool, are_stopped: bool = False) -> Soak:
+    """Record for a duration.  are_stopped : broker and router stand still from the begin of the round on"""
     with tempfile.TemporaryDirectory(prefix="fti-publish-") as folder, contextlib.ExitStack() as stack:
-        publish = stack.enter_context(peers(Path(folder))) if with_sinks else ""
-        return run_soak(Path(folder) / "soak", duration_s, 1.0, publish=publish)
+        if not with_sinks:
+            return run_soak(Path(folder) / "soak", duration_s, 1.0)
+        peers = stack.enter_context(run_peers(Path(folder)))
+        stopped: list[Broker | Router] = []
+
+        def stop_servers(line: str) -> None:
+            for server in peers.servers if are_stopped and not stopped else ():
+                server.pause()
+                stopped.append(server)
+
+        soak = run_soak(Path(folder) / "soak", duration_s, 1.0, stop_servers, publish=peers.publish)
+        assert len(stopped) == (len(peers.servers) if are_stopped else 0)
+        return soak
 
 
-def report(targets: Targets, without: list[Soak], with_sinks: list[Soak]) -> None:
+def report(targets: Targets, without: list[Soak], with_sinks: list[Soak], stopped: list[Soak]) -> None:
     def mean(soaks: list[Soak], name: str) -> float:
         return sum(soak.usage[name].cpu_percent for soak in soaks) / len(soaks)
 
-    print(f"\n{'process':12} {'without':>9} {'with':>9}   % of a core")
+    print(f"\n{'process':12} {'without':>9} {'with':>9} {'stopped':>9}   % of a core")
     for name in without[0].usage:
-        print(f"{name:12} {mean(without, name):9.1f} {mean(with_sinks, name):9.1f}")
+        print(f"{name:12} {mean(without, name):9.1f} {mean(with_sinks, name):9.1f} {mean(stopped, name):9.1f}")
     publish = mean(with_sinks, "publish")
-    print(f"{'publish':12} {'':9} {publish:9.1f}\n")
+    print(f"{'publish':12} {'':9} {publish:9.1f} {mean(stopped, 'publish'):9.1f}")
+    lags = [sorted(lag for soak in soaks for lag in soak.lag_ms) for soaks in (without, with_sinks, stopped)]
+    medians = " ".join(f"{lag[len(lag) // 2]:9.1f}" for lag in lags)
+    print(f"{'median lag':12} {medians}   ms, of navigation\n")
     last = with_sinks[-1]
     print("sink        state          sent  replaced   skipped  lost events")
     for name, sink in last.sinks.items():
@@ -137,7 +160,7 @@ def report(targets: Targets, without: list[Soak], with_sinks: list[Soak]) -> Non
     )
     connected = all(sink["state"] == "connected" and not sink["lost_events"] for sink in last.sinks.values())
     targets.check("every sink is connected and has lost no event", connected)
-    recorded = all(not sum(soak.dropped.values()) and soak.exit_code == 0 for soak in with_sinks)
+    recorded = all(not sum(soak.dropped.values()) and soak.exit_code == 0 for soak in (*with_sinks, *stopped))
     targets.check("no frame was dropped, fti verify holds", recorded)
 
 
@@ -148,11 +171,12 @@ def main() -> int:
     args = parser.parse_args()
     print(machine())
     print(f"{args.rounds} rounds of {args.duration:g} s each", flush=True)
-    targets, without, with_sinks = Targets(), [], []
+    targets, without, with_sinks, stopped = Targets(), [], [], []
     for _ in range(args.rounds):
         without.append(run_round(args.duration, with_sinks=False))
         with_sinks.append(run_round(args.duration, with_sinks=True))
-    report(targets, without, with_sinks)
+        stopped.append(run_round(args.duration, with_sinks=True, are_stopped=True))
+    report(targets, without, with_sinks, stopped)
     return targets.code
 
 
