@@ -10,6 +10,8 @@ from fti.cli._arguments import number
 if TYPE_CHECKING:
     from fti.config import ZenohTable
 
+#: Keys of the login.
+LOGIN_ARGUMENTS = ("ca_file", "certificate", "private_key", "user", "password_file")
 #: Values older than this are shown as late, also over a slow link [s].
 MAX_AGE_S = 2.0
 max_age = number(0.0, 600.0, "0 to 600 seconds")
@@ -42,6 +44,5 @@ def router_table(args: argparse.Namespace) -> ZenohTable:
     """The endpoint and login.  Raises ConfigError that names the option."""
     from fti.config import ZenohTable, bind
 
-    names = ("ca_file", "certificate", "private_key", "user", "password_file")
-    given = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+    given = {name: getattr(args, name) for name in LOGIN_ARGUMENTS if getattr(args, name) is not None}
     return bind(ZenohTable, {"connect": args.router, **given}, "arguments")

@@ -17,7 +17,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json
-from fti.cli._router_arguments import add_router_arguments
+from fti.cli._router_arguments import LOGIN_ARGUMENTS, add_router_arguments
 from fti.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -48,8 +48,9 @@ def run(args: argparse.Namespace) -> int:
         from fti.cli._watch_fleet import watch_fleet
 
         return watch_fleet(args)
-    if args.aircraft:
-        raise ConfigError("--aircraft needs --router ENDPOINT")
+    for name in ("aircraft", *LOGIN_ARGUMENTS):
+        if getattr(args, name) is not None:
+            raise ConfigError(f"--{name.replace('_', '-')} needs --router ENDPOINT")
     from fti.cli._live_state import live_states
 
     with live_states(_find(args), "watch") as read:

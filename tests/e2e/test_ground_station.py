@@ -159,6 +159,8 @@ def test_without_an_aircraft_or_a_router_it_says_so(router: Router) -> None:
     assert done.returncode == 2 and nowhere in done.stderr
     done = fti("watch", "--aircraft", "D-EFTI")
     assert done.returncode == 2 and "--aircraft needs --router" in done.stderr
+    done = fti("watch", "--ca-file", "ca.pem")
+    assert done.returncode == 2 and "--ca-file needs --router" in done.stderr
     done = fti("ground", "--connect", "ground:7447")
     assert done.returncode == 2 and "connect" in done.stderr
 
