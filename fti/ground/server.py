@@ -22,7 +22,7 @@ class FleetServer(LoopbackServer):
     """Serves a fleet.  now_ns : monotonic clock"""
 
     def __init__(self, fleet: Fleet, now_ns: Callable[[], int]) -> None:
-        unknown_key = secrets.token_urlsafe()  # nobody gets it, so every command is refused
+        unknown_key = secrets.token_urlsafe()  # no client has it: every command is refused
         gate = CommandGate(unknown_key, lambda message: False, now_ns)
         super().__init__(now_ns, gate, lambda peer, here: "")
         self._fleet = fleet

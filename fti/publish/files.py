@@ -56,5 +56,5 @@ def make_tls_context(table: TlsKeys, name: str) -> ssl.SSLContext:
 
 
 def _no_passphrase() -> str:
-    """Instead of OpenSSL's question at the terminal, which nobody answers during a flight."""
+    """Refuse OpenSSL's request for a passphrase, which would block the process.  Raises ValueError."""
     raise ValueError("the private key is encrypted; it must have no passphrase")
