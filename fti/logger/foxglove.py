@@ -16,6 +16,7 @@ from fti.messages.outputs import Event, NavSolution
 
 Json = dict[str, Any]
 LOG_LEVELS = {"unknown": 0, "debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
+LOG_LEVEL_NAMES = {number: level for level, number in LOG_LEVELS.items()}
 COVARIANCE_TYPES = {"unknown": 0, "approximated": 1, "diagonal_known": 2, "known": 3}
 
 _NUMBER: Json = {"type": "number"}

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from fti.alarms.condition import START_CONDITIONS
 from fti.bus.message import encode, encode_event, encode_with_age
 from fti.config import Config
-from fti.logger.foxglove import LOG_LEVELS
+from fti.logger.foxglove import LOG_LEVEL_NAMES
 from fti.logger.reading.event_copies import EventCopies
 from fti.logger.reading.json_message import parse_json
 from fti.logger.reading.mcap_file import McapMessage
@@ -35,7 +35,6 @@ Json = dict[str, Any]
 OUTPUTS = "/nav/"
 #: Outputs whose age is limited by the device that they name.
 HEIGHTS = ("/nav/height_above_ground/", "/nav/height_below_aircraft")
-_LEVELS = {number: level for level, number in LOG_LEVELS.items()}
 
 
 class RecordedMessage(NamedTuple):
@@ -121,7 +120,7 @@ class RecordedBus:
 
 def _event(t_ns: int, log: Mapping[str, Any]) -> Json:
     """An event from its ``foxglove.Log``."""
-    level = _LEVELS.get(log.get("level", 0), "info")
+    level = LOG_LEVEL_NAMES.get(log.get("level", 0), "info")
     return {"t_ns": t_ns, "level": level, "source": str(log.get("name")), "text": str(log.get("message"))}
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import SECOND_NS
-from fti.logger.foxglove import LOG_LEVELS
+from fti.logger.foxglove import LOG_LEVEL_NAMES
 from fti.logger.reading.event_copies import EventCopies
 from fti.logger.reading.json_message import parse_table, whole_number
 from fti.logger.reading.limits import MAX_TEXT_LENGTH, check_topic_count
@@ -31,7 +31,6 @@ MAX_EVENTS = 1000
 #: Sources of events that the user has set.
 MARKS = ("mark", "trigger")
 _MAX_WAITING = 8192
-_LEVELS = {number: level for level, number in LOG_LEVELS.items()}
 
 
 #: Initial width of the bins; it doubles whenever there are too many bins.
@@ -167,7 +166,7 @@ class RecordingStatistics:
             return
         table = _table(item.data)
         level_number = table.get("level", 0)
-        level = _LEVELS.get(level_number, "unknown") if isinstance(level_number, int) else "unknown"
+        level = LOG_LEVEL_NAMES.get(level_number, "unknown") if isinstance(level_number, int) else "unknown"
         source, text = (str(table.get(key, ""))[:MAX_TEXT_LENGTH] for key in ("name", "message"))
         self.events.append(EventNote(item.log_time, level, source, text))
 
