@@ -79,9 +79,10 @@ class SinkQueue:
                 self._events.append(message)
                 self._event_bytes += len(message.payload)
                 self._limit_events()
+                due_s = 0.0
             else:
-                self._put_value(message)
-            if max(self._earliest_s(), self._next_batch_s) < self._wake_s:
+                due_s = self._put_value(message)
+            if max(due_s, self._next_batch_s) < self._wake_s:
                 self._condition.notify()
 
     def _wants(self, topic: str) -> bool:
@@ -96,17 +97,19 @@ class SinkQueue:
             self._event_bytes -= len(self._events.popleft().payload)
             self.counts.lost_events += 1
 
-    def _put_value(self, message: PublishedMessage) -> None:
+    def _put_value(self, message: PublishedMessage) -> float:
+        """Keep the newest message of a topic; returns when it is due (``time.monotonic``) [s]."""
         value = self._values.get(message.topic)
         if value is None:
-            self._values[message.topic] = _Value(message)
-            return
+            value = self._values[message.topic] = _Value(message)
+            return value.due_s
         if value.is_waiting:
             if self._period_s and time.monotonic() < value.due_s + BATCH_PERIOD_S:
                 self.counts.skipped += 1
             else:
                 self.counts.replaced += 1
         value.message, value.is_waiting = message, True
+        return value.due_s
 
     def take(self, timeout_s: float) -> list[PublishedMessage]:
         """The messages that are due, events first; waits for one, at most timeout_s [s].  Empty after ``close``."""
@@ -157,7 +160,7 @@ class SinkQueue:
             self._limit_events()
 
     def drop_events(self) -> int:
-        """Drop the events that wait, because nobody will take them; returns their number."""
+        """Drop the queued events at the end, and count them as lost; returns their number."""
         with self._condition:
             lost = len(self._events)
             self.counts.lost_events += lost
