@@ -26,8 +26,9 @@ from typing import NamedTuple
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Targets, machine
+from fti.bus.loopback import choose_port
 from tests.e2e.soak_run import Soak, run_soak
-from tests.publish.broker import Broker, find_program, free_tcp_port
+from tests.publish.broker import Broker, find_program
 from tests.publish.zenoh_router import Router
 
 MAX_CORE_PERCENT = 10.0
@@ -88,10 +89,10 @@ def run_peers(folder: Path) -> Iterator[Peers]:
         broker = Broker(folder)
         stack.callback(broker.kill)
         run(find_program("mosquitto_sub", "mosquitto-clients"), "-p", str(broker.port), "-t", "fti/#")
-        router = Router(f"tcp/127.0.0.1:{free_tcp_port()}")
+        router = Router(f"tcp/127.0.0.1:{choose_port(0)}")
         stack.callback(router.kill)
         run(sys.executable, "-c", ZENOH_READER, router.endpoint)
-        foxglove, nmea = free_tcp_port(), free_tcp_port()
+        foxglove, nmea = choose_port(0), choose_port(0)
         run(sys.executable, "-c", FOXGLOVE_READER, f"ws://127.0.0.1:{foxglove}")
         run(sys.executable, "-c", NMEA_READER, str(nmea))
         receivers = [stack.enter_context(closing(socket.socket(type=socket.SOCK_DGRAM))) for _ in range(2)]

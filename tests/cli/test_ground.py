@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from fti.bus.loopback import choose_port
 from fti.cli.main import main
 from fti.publish.sinks import zenoh
-from tests.publish.broker import free_tcp_port
 
 ROUTER = "tcp/127.0.0.1:7447"
 
@@ -32,7 +32,7 @@ def test_an_absent_router_is_one_sentence(
     command: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(zenoh, "CONNECT_TIMEOUT_MS", 200)
-    endpoint = f"tcp/127.0.0.1:{free_tcp_port()}"
+    endpoint = f"tcp/127.0.0.1:{choose_port(0)}"
     assert main([*command, endpoint]) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"fti: {endpoint}: Unable to connect") and ".rs" not in error

@@ -19,12 +19,12 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 
+from fti.bus.loopback import choose_port
 from fti.example_files import FOLDER
 from tests.e2e.harness import FTI, fti
 from tests.helpers import ROOT, until_async
 from tests.processes import children_of
 from tests.publish.foxglove_client import Connection, FoxgloveClient
-from tests.publish.test_foxglove import free_port
 from tests.publish.test_layouts import ONLY_LIVE, keys_with
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
@@ -91,7 +91,7 @@ def messages_of(files: Iterator[Path]) -> list[tuple[Schema | None, Channel, Mes
 
 
 async def test_a_client_sees_every_output_as_files_have_it_also_after_a_kill(tmp_path: Path) -> None:
-    port = free_port()
+    port = choose_port(0)
     with demonstration(write_scenario(tmp_path, port), tmp_path) as process:
         first = await connect(port)
         topics = {f"/nav/{name}" for name in (*OUTPUTS, *SCENE)} | OTHERS

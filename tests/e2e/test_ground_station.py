@@ -15,12 +15,13 @@ from typing import Any
 
 import pytest
 
+from fti.bus.loopback import choose_port
 from fti.config import Publish, ZenohTable
 from fti.messages.outputs import Datum, HeightBelowAircraft, NavSolution
 from fti.messages.tables import to_table
 from tests.bus.running_hub import RunningHub, wait_for
 from tests.e2e.harness import FTI, fti
-from tests.publish.broker import find_program, free_tcp_port
+from tests.publish.broker import find_program
 from tests.publish.running_publisher import RunningPublisher
 from tests.publish.zenoh_router import Router
 from tests.web.chromium import Chromium, by_testid
@@ -146,7 +147,7 @@ def test_two_aircraft_are_watched_on_another_computer(ground_computer: tuple[str
 
 @pytest.fixture
 def router() -> Iterator[Router]:
-    running = Router(f"tcp/127.0.0.1:{free_tcp_port()}")
+    running = Router(f"tcp/127.0.0.1:{choose_port(0)}")
     yield running
     running.kill()
 
@@ -154,7 +155,7 @@ def router() -> Iterator[Router]:
 def test_without_an_aircraft_or_a_router_it_says_so(router: Router) -> None:
     done = fti("watch", "--router", router.endpoint, "--once")
     assert done.returncode == 2 and "no message of any aircraft within 10 s" in done.stderr
-    nowhere = f"tcp/127.0.0.1:{free_tcp_port()}"
+    nowhere = f"tcp/127.0.0.1:{choose_port(0)}"
     done = fti("watch", "--router", nowhere, "--once")
     assert done.returncode == 2 and nowhere in done.stderr
     done = fti("watch", "--aircraft", "D-EFTI")

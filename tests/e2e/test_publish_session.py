@@ -11,9 +11,10 @@ from typing import Any
 
 import pytest
 
+from fti.bus.loopback import choose_port
 from tests.e2e.harness import FTI, fti
 from tests.helpers import ROOT, until
-from tests.publish.broker import Broker, MqttReader, Received, free_tcp_port
+from tests.publish.broker import Broker, MqttReader, Received
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
 CONFIGS = ROOT / "configs"
@@ -127,7 +128,7 @@ def test_a_configuration_without_a_usable_sink_is_an_error(tmp_path: Path, text:
 def test_a_time_after_the_end_is_an_error(tmp_path: Path) -> None:
     """Repeated for ever, it would send nothing, without a pause."""
     config = tmp_path / "x.toml"
-    config.write_text(f'[session]\nname = "x"\n[publish.nmea]\ntcp_port = {free_tcp_port()}\n')
+    config.write_text(f'[session]\nname = "x"\n[publish.nmea]\ntcp_port = {choose_port(0)}\n')
     session = next((ROOT / "tests/sessions/0.1.0/demonstration").iterdir())
     done = fti("publish", str(session), "--config", str(config), "--from", "1000", "--loop")
     assert done.returncode == 2

@@ -14,16 +14,10 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from fti.bus.loopback import choose_port
 from tests.helpers import until
 
 PATHS = f"{os.environ.get('PATH', '')}:/usr/sbin"
-
-
-def free_tcp_port() -> int:
-    """A port of loopback on which nobody listens."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port: int = server.getsockname()[1]
-        return port
 
 
 def find_program(name: str, package: str) -> str:
@@ -54,7 +48,7 @@ class Broker:
     """
 
     def __init__(self, folder: Path, settings: str = "", login: tuple[str, str] | None = None) -> None:
-        self.port = free_tcp_port()
+        self.port = choose_port(0)
         self._program = find_program("mosquitto", "mosquitto")
         self._config = folder / "mosquitto.conf"
         if login:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import shutil
 import socket
 import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import pytest
-
 from tests.e2e.harness import free_udp_port
 from tests.helpers import until
+from tests.publish.broker import find_program
 
 READ_S = 20.0
 
@@ -21,9 +19,7 @@ READ_S = 20.0
 @contextmanager
 def served_by_gpsd(port: int) -> Iterator[Callable[[], dict[str, Any]]]:
     """gpsd reads from a port of loopback; gives the next of its reports.  Skips without gpsd."""
-    program = shutil.which("gpsd", path="/usr/sbin:/usr/bin:/sbin:/bin")
-    if program is None:
-        pytest.skip("gpsd (Debian: gpsd) is not installed")
+    program = find_program("gpsd", "gpsd")
     own = free_udp_port()
     command = [program, "-N", "-n", "-b", "-S", str(own), f"tcp://127.0.0.1:{port}"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:

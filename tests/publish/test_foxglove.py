@@ -16,6 +16,7 @@ import aiohttp
 import jsonschema
 import pytest
 
+from fti.bus.loopback import choose_port
 from fti.config import FoxgloveTable
 from fti.logger.schemas import foxglove_schema, schema_of
 from fti.messages.outputs import GlideSlope
@@ -30,16 +31,9 @@ from tests.publish.solutions import T_NS, message
 SOLUTION, GLIDE, LOCATION, EVENT = "/nav/nav_solution", "/nav/glide_slope", "/nav/location", "/fti/event"
 
 
-def free_port() -> int:
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        port: int = sock.getsockname()[1]
-        return port
-
-
 @pytest.fixture
 def port() -> int:
-    return free_port()
+    return choose_port(0)
 
 
 @pytest.fixture

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from fti.bus.loopback import choose_port
 from fti.config import Publish, ZenohTable
 from fti.publish.message import PublishedMessage
 from fti.publish.sinks.zenoh import KeptMessages
 from tests.bus.running_hub import RunningHub, wait_for
 from tests.helpers import ROOT
-from tests.publish.broker import free_tcp_port
 from tests.publish.certificates import make_certificates
 from tests.publish.running_publisher import AIRCRAFT, SESSION, RunningPublisher
 from tests.publish.zenoh_router import Router, ZenohReader
@@ -32,7 +32,7 @@ def hub() -> Iterator[RunningHub]:
 
 @pytest.fixture
 def router() -> Iterator[Router]:
-    running = Router(f"tcp/127.0.0.1:{free_tcp_port()}")
+    running = Router(f"tcp/127.0.0.1:{choose_port(0)}")
     yield running
     running.kill()
 
@@ -150,7 +150,7 @@ def test_a_login_over_tls(hub: RunningHub, tmp_path: Path) -> None:
         "link": {"tls": {"listen_certificate": str(certificate), "listen_private_key": str(key)}},
         "auth": {"usrpwd": {"user": "router", "password": "x", "dictionary_file": str(users)}},
     }
-    router = Router(f"tls/127.0.0.1:{free_tcp_port()}", transport=transport)
+    router = Router(f"tls/127.0.0.1:{choose_port(0)}", transport=transport)
     keys = {"user": "aircraft", "password_file": str(password)}
     try:
         with publisher(hub, router.endpoint, ca_file=str(ca), **keys) as running:
@@ -166,7 +166,7 @@ def test_a_router_with_a_wrong_certificate_gets_nothing(hub: RunningHub, tmp_pat
     _, certificate, key = make_certificates(tmp_path, "impostor")
     ca, *_ = make_certificates(tmp_path, "ground")
     tls = {"listen_certificate": str(certificate), "listen_private_key": str(key)}
-    router = Router(f"tls/127.0.0.1:{free_tcp_port()}", transport={"link": {"tls": tls}})
+    router = Router(f"tls/127.0.0.1:{choose_port(0)}", transport={"link": {"tls": tls}})
     try:
         with publisher(hub, router.endpoint, ca_file=str(ca)) as running:
             wait_for(lambda: running.events, "a refusal")
@@ -183,7 +183,7 @@ def test_the_documented_router_lets_an_aircraft_write_its_own_keys_only(hub: Run
     password = tmp_path / "zenoh.password"
     password.write_text("a\n")
     password.chmod(0o600)
-    endpoint = f"tls/127.0.0.1:{free_tcp_port()}"
+    endpoint = f"tls/127.0.0.1:{choose_port(0)}"
     router = Router(endpoint, config=documented_router(endpoint, certificate, key, users))
 
     def client(user: str, word: str) -> ZenohReader:
