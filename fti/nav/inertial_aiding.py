@@ -84,6 +84,10 @@ from fti.nav.vertical.vertical_channel import HeightAiding, VerticalChannel, Ver
 POSITION_SD, HEIGHT_SD, VELOCITY_SD, BARO_SD = 3.0, 5.0, 0.1, 1.0
 #: Sigma of a climb that is the slope of positions [m/s].
 CLIMB_SD = 0.5
+#: Sigma of a climb over the stated sigma of a velocity, which is the root mean square of three axes.  Positions have
+#: 95 % errors of 8 m horizontally and 13 m vertically (GPS SPS Performance Standard, 5th edition, table 3.8-3): one
+#: sigma of 3.27 m on each horizontal axis and 6.63 m vertically.  Range rates have the same geometry.
+CLIMB_FACTOR = 1.42
 #: Correlation time of errors of a receiver's velocity [s].
 VELOCITY_TAU_S = 5.0
 #: Limit of plausible altitude, speed and sigma in SI units.
@@ -234,7 +238,8 @@ class AidedNavigation:
             self._vertical.feed_imu(t_ns, m.accel_b, *self._tilt, self._motion)
 
     def _feed_velocity(self, device: str, m: Velocity, t_ns: int) -> None:
-        self._climbs[device] = t_ns, -m.down if m.down is not None else None, m.sd
+        climb_sd = None if m.sd is None else CLIMB_FACTOR * m.sd
+        self._climbs[device] = t_ns, -m.down if m.down is not None else None, climb_sd
         if None in level_velocity(m):
             return
         if m.down is None and not self._navigator.reaches(t_ns):  # the alignment needs a climb, at least from positions

@@ -243,6 +243,16 @@ def test_a_height_that_nobody_gives_any_more_comes_from_the_vertical_channel() -
     assert "altitude: from the vertical channel" in [o.text for o in out if isinstance(o, Event)]
 
 
+def test_a_climb_is_less_certain_than_the_mean_of_three_axes() -> None:
+    """Satellites everywhere above 5 degrees: sin E is uniform, and the receiver's clock is unknown."""
+    low = math.sin(math.radians(5.0))
+    level, up = (1.0 - (1.0 + low + low**2) / 3.0) / 2.0, (1.0 - low) ** 2 / 12.0  # information on each axis
+    factor = math.sqrt((1.0 / up) / ((2.0 / level + 1.0 / up) / 3.0))
+    out = fly(Pipeline(config(), None), 0, 60, gnss=True)
+    last = [o for o in out if isinstance(o, VerticalSolution)][-1]
+    assert last.vel_down_sd == pytest.approx(0.05 * factor, rel=0.05)
+
+
 def test_without_a_filter_in_the_configuration_there_is_none() -> None:
     out = fly(Pipeline(config(filter=None), None), 0, 100, gnss=True)
     assert not [o for o in out if isinstance(o, FilterSolution | VerticalSolution)]

@@ -7,9 +7,11 @@ tau is the delay of the measurement:
     climb        z = climb_I - climb      h = (0    1 0 0  0)    of satellites, too
     altimeter    z = alt_I - (height_agl + ground)    h = (1 -tau 0 0 -1)
 
-Errors of satellite heights are correlated for minutes: a height every dt has the variance sigma^2 2 T/dt, so more
-heights do not add information.  The altimeter's error is a state.  The error of the ground elevation lasts as long
-(elevation models are wrong over hundreds of metres, positions for minutes): it enlarges that state, not the noise.
+Errors of satellite heights are correlated for minutes, those of their climb for seconds: a measurement every dt has the
+variance sigma^2 2 T/dt, so more measurements do not add information.  With a T that is too short the climb is less
+certain than stated, and the height integrates its error.  The altimeter's error is a state.  The error of the ground
+elevation lasts as long (elevation models are wrong over hundreds of metres, positions for minutes): it enlarges that
+state, not the noise.
 The estimated error is subtracted from the channel's output only, as in the source (feed forward).  When it exceeds
 ``FOLD_M``, it is subtracted from the channel; this changes no output, because all equations are linear.
 
@@ -69,15 +71,16 @@ class VerticalSettings:
     """Settings of the vertical channel.
 
     gate, lockout_s : of ``ErrorFilter``
-    satellite_tau_s : correlation time of errors of satellite heights [s];  climb_tau_s : of their climb
+    satellite_tau_s : correlation time of errors of satellite heights [s]; as that of the filter
+    climb_tau_s     : of their climb [s]: receivers smooth over up to 20 s (assumed; a larger value is on the safe side)
     max_sd          : a height with a larger sigma is not valid [m]
     """
 
     model: VerticalModel = field(default_factory=VerticalModel)
     gate: float = GATE
     lockout_s: float = 10.0
-    satellite_tau_s: float = 150.0
-    climb_tau_s: float = 5.0
+    satellite_tau_s: float = 200.0
+    climb_tau_s: float = 20.0
     max_sd: float = 50.0
 
 
