@@ -27,6 +27,7 @@ def flights(looks_m: float, sigmas: float) -> list[Tracks]:
     return [
         {
             ("straight", "tactical", "none"): track(1000.0, 1.0, rng),
+            ("straight", "tactical", "exact"): track(40.0, 1.0, rng),
             ("straight", "tactical", "looks"): track(looks_m, sigmas, rng),
         }
         for _ in range(200)
@@ -48,6 +49,7 @@ def test_the_judge(looks_m: float, sigmas: float, missed: set[str]) -> None:
     values = {result.id: result.value for result in results}
     assert values["D.pairs.tactical.straight"] == pytest.approx(0.9)
     assert values["D.along.tactical.straight.alone"] == pytest.approx(1000.0, rel=0.15)
+    assert values["D.exact.tactical.straight.across"] == pytest.approx(0.04, rel=0.3)
 
 
 @pytest.fixture

@@ -7,6 +7,9 @@ time error.  All forms fly on the same random numbers, images included.
 
     D.ratio.*    RMS of the error at the end, with looks over inertial alone, pooled: horizontal, along and across the
                  track, each <= 0.1; the navigation grade is reported
+    D.exact.*    the same with exact looks (``exact_looks``), reported: what no look can do better, because without
+                 satellites only the gyros carry the heading; D.limit.straight.across that of equal gyro biases alone,
+                 3 V / (g t) across a straight track
     D.sigma.*    RMS of error over sigma, both axes, at each of ten instants of the outage: smallest and largest one
                  within 0.80 to 1.25
     D.along.*, D.across.*   RMS at the end along and across the track [m]: reported

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from fti.arrays import Array
 from fti.constants import SECOND_NS
-from fti.geodesy.formulas import metres_per_radian
+from fti.geodesy.formulas import ecef_from_geodetic, metres_per_radian
+from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, GradeName
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity
 from fti.nav.filter.error_states import BARO_DRIFT, BARO_SCALE_DRIFT, GNSS_DRIFTS, Extra, outage_model
-from fti.nav.filter.estimate import InitialState
-from fti.nav.filter.look_mark import look_drifts
+from fti.nav.filter.estimate import Estimate, InitialState
+from fti.nav.filter.look_mark import LookDrift, LookMark, look_drifts
 from fti.nav.filter.navigator import InertialNavigator
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
 from fti.nav.look_pairs import LookPairs, RangeImage
+from fti.study.dead_reckoning.exact_looks import ExactPairs, TruePose
 from fti.study.dead_reckoning.flight import (
     AID_S,
     IMAGE_S,
@@ -81,7 +83,7 @@ class Track:
         return np.asarray(self.error[-1])
 
 
-#: The tracks of one flight by path, unit and aid: none, looks, or one of the printed forms.
+#: The tracks of one flight by path, unit and aid: none, exact, looks, or one of the printed forms.
 Tracks = dict[tuple[str, str, str], Track]
 
 
@@ -94,22 +96,40 @@ def run(task: tuple[int, int]) -> Tracks:
         if unit == "navigation" and number // len(PATHS) % NAVIGATION_EVERY:
             continue
         with_forms = unit == "tactical" and number // len(PATHS) % FORMS_EVERY == 0
-        for aid in ("none", "looks", *(FORMS if with_forms else ())):
+        for aid in ("none", "exact", "looks", *(FORMS if with_forms else ())):
             tracks[path, unit, aid] = fly(path, unit, aid, seed, number)
     return tracks
 
 
-class FlightData(NamedTuple):
-    """What the sensors of one flight measure, but for the inertial unit; truth at its samples."""
+@dataclass(frozen=True, eq=False)
+class FlightData:
+    """What the sensors of one flight measure, but for the inertial unit; truth at its samples.
+
+    t, course : (n,) [s, rad];  truth : (n, 3) latitude, longitude [rad], altitude [m];  rpy : (n, 3) [rad]
+    draw_images : called once, after ``aids`` is drawn from the same random numbers
+    """
 
     t: Array
     truth: Array
-    heading: Array
+    rpy: Array
+    course: Array
     force_b: Array
     rate_b: Array
     start: InitialState
     aids: Aids
-    images: Images
+    draw_images: Callable[[], Images]
+
+    @functools.cached_property
+    def images(self) -> Images:
+        """Those of the imager: without looks they are not drawn."""
+        return self.draw_images()
+
+    def true_pose(self, k: int) -> TruePose:
+        """At a sample."""
+        lat, lon, alt = self.truth[k].tolist()
+        x_e = np.array(ecef_from_geodetic(lat, lon, alt))
+        to_e = mat_en(lat, lon)
+        return TruePose(x_e, to_e @ mat_from_rpy(*self.rpy[k]), to_e[:, 2])
 
 
 @functools.lru_cache(maxsize=1)
@@ -130,10 +150,11 @@ def draw_flight(path: str, seed: int, number: int) -> FlightData:
         float(truth.heading[0]) + turn * offset[8], (pos,) * 3, (vel,) * 3, (tilt, tilt, turn),
     )  # fmt: skip
     places = np.stack((truth.lat, truth.lon, truth.alt), axis=1)
+    rpy = np.stack((truth.roll, truth.pitch, truth.heading), axis=1)
     course = np.arctan2(truth.vel_n[:, 1], truth.vel_n[:, 0])
     return FlightData(
-        t, places, course, specific_force_b(truth), angular_rate_b(truth), start,
-        draw_aids(flight, rng), draw_images(terrain, flight, rng),
+        t, places, rpy, course, specific_force_b(truth), angular_rate_b(truth), start,
+        draw_aids(flight, rng), functools.partial(draw_images, terrain, flight, rng),
     )  # fmt: skip
 
 
@@ -150,7 +171,7 @@ def fly(path: str, unit: GradeName, aid: str, seed: int, number: int) -> Track:
         if k and k % round(AID_S / IMU_S) == 0:
             run.feed_aids(k // round(AID_S / IMU_S) - 1, t_ns)
         if aid != "none" and t >= LOOKS_FROM_S and k % round(IMAGE_S / IMU_S) == 0:
-            run.feed_image(k // round(IMAGE_S / IMU_S) - 1, t_ns)
+            run.feed_look(k, t_ns)
         if t >= OUTAGE_S and k % round(1.0 / IMU_S) == 0:
             run.observe(k, t_ns)
     return run.track()
@@ -161,12 +182,12 @@ class _Run:
 
     def __init__(self, data: FlightData, unit: str, aid: str) -> None:
         self.data, self.aid = data, aid
-        self.pairs = LookPairs(SPACING)
+        self._pairs, self._exact_pairs = LookPairs(SPACING), ExactPairs(SPACING)
         extras = {**GNSS_DRIFTS, Extra.BARO: BARO_DRIFT, Extra.BARO_SCALE: BARO_SCALE_DRIFT}
         if aid != "none":
-            extras |= look_drifts(self.pairs.slots)
+            extras |= look_drifts(self._pairs.slots)
         self.navigator = InertialNavigator(outage_model(IMU_ERROR_MODELS[unit], extras))
-        self.counts: Counter[str] = Counter()
+        self._counts: Counter[str] = Counter()
         self._rows: list[tuple[float, ...]] = []
         self._pair_sds: list[float] = []
         self._heading_sd = np.nan
@@ -186,21 +207,38 @@ class _Run:
         vel_north, vel_east, vel_down = aids.vel_n[k].tolist()
         self.navigator.feed_aiding(t_ns, GnssVelocity(vel_north, vel_east, vel_down, VELOCITY_SD))
 
-    def feed_image(self, k: int, t_ns: int) -> None:
-        """An image, and the drift since the first look of its pair."""
-        estimate, images = self.navigator.at(t_ns), self.data.images
-        if estimate is None or k >= len(images.t):
+    def feed_look(self, k: int, t_ns: int) -> None:
+        """A look at sample ``k``, and the drift since the first one of its pair."""
+        estimate = self.navigator.at(t_ns)
+        if estimate is None or t_ns >= SECONDS * SECOND_NS:
             return
-        result = self.pairs.feed(estimate, RangeImage(images.ranges[k], images.directions_b, RANGE_SD))
+        mark, drift = self._compare_exactly(estimate, k) if self.aid == "exact" else self._compare_images(estimate, k)
+        if drift is not None and self.aid in {"exact", "looks"}:
+            self.navigator.feed_aiding(t_ns, drift)
+        elif drift is not None and t_ns >= OUTAGE_S * SECOND_NS:
+            self.navigator.feed_aiding(t_ns, FORMS[self.aid](drift, SPACING * IMAGE_S))
+        self.navigator.feed_aiding(t_ns, mark)
+
+    def _compare_exactly(self, estimate: Estimate, k: int) -> tuple[LookMark, LookDrift | None]:
+        mark, drift = self._exact_pairs.feed(estimate, self.data.true_pose(k))
+        if drift is not None:
+            self._count(3, drift.cov)
+        return mark, drift
+
+    def _compare_images(self, estimate: Estimate, k: int) -> tuple[LookMark, LookDrift | None]:
+        images = self.data.images
+        ranges = images.ranges[k // round(IMAGE_S / IMU_S) - 1]
+        result = self._pairs.feed(estimate, RangeImage(ranges, images.directions_b, RANGE_SD))
         if result.drift is not None:
-            self.counts.update([str(len(result.drift.axes_l)), *result.drift.refusals])
-            if len(result.drift.axes_l) == 3:
-                self._pair_sds += np.sqrt(np.diag(result.drift.cov)[:2]).tolist()
-        if result.aiding is not None and self.aid == "looks":
-            self.navigator.feed_aiding(t_ns, result.aiding)
-        elif result.aiding is not None and t_ns >= OUTAGE_S * SECOND_NS:
-            self.navigator.feed_aiding(t_ns, FORMS[self.aid](result.aiding, SPACING * IMAGE_S))
-        self.navigator.feed_aiding(t_ns, result.mark)
+            self._count(len(result.drift.axes_l), result.drift.cov)
+            self._counts.update(result.drift.refusals)
+        return result.mark, result.aiding
+
+    def _count(self, directions: int, cov: Array) -> None:
+        """Count a pair with its measured directions and its covariance [m^2]."""
+        self._counts[str(directions)] += 1
+        if directions == 3:
+            self._pair_sds += np.sqrt(np.diag(cov)[:2]).tolist()
 
     def observe(self, k: int, t_ns: int) -> None:
         """Error and sigma; infinite where the filter has no position."""
@@ -211,7 +249,7 @@ class _Run:
         lat, lon, alt = self.data.truth[k].tolist()
         per_lat, per_lon = metres_per_radian(lat, alt)
         north, east = (estimate.geodetic[0] - lat) * per_lat, (estimate.geodetic[1] - lon) * per_lon
-        course = self.data.heading[k]
+        course = self.data.course[k]
         along = north * np.cos(course) + east * np.sin(course)
         across = east * np.cos(course) - north * np.sin(course)
         sd = estimate.sd_n
@@ -223,4 +261,4 @@ class _Run:
         """What was observed."""
         rows = np.array(self._rows)
         pair_sd = float(np.median(self._pair_sds)) if self._pair_sds else np.nan
-        return Track(rows[:, 0], rows[:, 1:3], rows[:, 3:5], self.counts, self._heading_sd, pair_sd)
+        return Track(rows[:, 0], rows[:, 1:3], rows[:, 3:5], self._counts, self._heading_sd, pair_sd)

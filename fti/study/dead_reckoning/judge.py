@@ -8,8 +8,9 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.study import StudyResult
+from fti.study.dead_reckoning.exact_looks import gyro_limit
 from fti.study.dead_reckoning.experiment import INSTANTS_S, Track, Tracks
-from fti.study.dead_reckoning.flight import BARO_NOISE_M, TIME_SD
+from fti.study.dead_reckoning.flight import BARO_NOISE_M, OUTAGE_S, SECONDS, SPEED_MPS, TIME_SD
 from fti.study.dead_reckoning.printed_forms import FORMS
 from fti.study.statistics import pooled_ratio, rms
 
@@ -25,6 +26,11 @@ def judge(runs: Sequence[Tracks]) -> list[StudyResult]:
     results = [
         StudyResult.reported("D.barometer", "noise of the barometer, one sigma [m]", BARO_NOISE_M),
         StudyResult.reported("D.timing", "time error of the looks, one sigma [ms]", 1e3 * TIME_SD),
+        StudyResult.reported(
+            "D.limit.straight.across",
+            "straight, exact looks over inertial alone, across, by equal gyro biases alone: 3 V / (g t)",
+            gyro_limit(SPEED_MPS, SECONDS - OUTAGE_S),
+        ),
     ]
     for path, unit in dict.fromkeys((path, unit) for tracks in runs for path, unit, _ in tracks):
         flights = [{aid: track for (p, u, aid), track in tracks.items() if (p, u) == (path, unit)} for tracks in runs]
@@ -42,6 +48,7 @@ def _judge_cell(name: str, words: str, unit: str, flights: Sequence[Mapping[str,
             yield StudyResult.at_most(key, text, ratio, MAX_RATIO)
         else:
             yield StudyResult.reported(key, text, ratio)
+    yield from _report_exact(name, words, flights)
     at_instants = sigma_ratios(looks)
     yield StudyResult.at_least(
         f"D.sigma.{name}.min", f"{words}: error over sigma, smallest of ten instants", at_instants.min(), MIN_SIGMA
@@ -62,6 +69,17 @@ def _judge_cell(name: str, words: str, unit: str, flights: Sequence[Mapping[str,
         f"D.heading.{name}", f"{words}: sigma of the heading at the start of the outage [mrad]", 1e3 * heading
     )
     yield from _report_forms(name, words, flights)
+
+
+def _report_exact(name: str, words: str, flights: Sequence[Mapping[str, Track]]) -> Iterator[StudyResult]:
+    """The same flights with looks that have no error: what any look could reach with the unit."""
+    exact, alone = [each["exact"] for each in flights], [each["none"] for each in flights]
+    for part, axes in PARTS.items():
+        yield StudyResult.reported(
+            f"D.exact.{name}.{part}".rstrip(". "),
+            f"{words}: RMS {part}at the end, exact looks over inertial alone",
+            pooled_ratio(_squares(exact, axes), _squares(alone, axes)),
+        )
 
 
 def _report_forms(name: str, words: str, flights: Sequence[Mapping[str, Track]]) -> Iterator[StudyResult]:
