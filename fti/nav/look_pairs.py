@@ -16,6 +16,7 @@ import numpy as np
 from fti.arrays import Array
 from fti.constants import SECOND_NS
 from fti.geodesy.local import LocalFrame
+from fti.nav.filter.aiding import skew
 from fti.nav.filter.error_states import FilterModel, outage_model
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.kernels import largest_sd
@@ -62,7 +63,7 @@ class _PlacedImage(NamedTuple):
 
     def motion_at(self, point_e: Array) -> Array:
         """Velocity of a point that is fixed to the aircraft [m/s]: its error with a look that is a second late."""
-        return self.vel_e + np.cross(self.rate_e, point_e - self.mark.x_e)
+        return self.vel_e + skew(self.rate_e) @ (point_e - self.mark.x_e)
 
 
 class PairResult(NamedTuple):
@@ -120,14 +121,14 @@ class LookPairs:
             return None, None
         expected_l, turn_l = frame.mat_le @ expected_e, frame.mat_le @ earlier.mark.states_of(estimate)[3:]
         middle_l = frame.mat_le @ (middle_e - frame.origin_e)
-        moved = second.moved(-expected_l - np.cross(turn_l, second.points_l - middle_l))
+        moved = second.moved(-expected_l - (second.points_l - middle_l) @ skew(turn_l).T)
         drift = register(first, moved, sd, changing=later.image.offsets_s is not None)
         if not len(drift.drift):
             return drift, None
         centre_e = frame.origin_e + frame.mat_le.T @ drift.centre_l
         axes_e = drift.axes_l @ frame.mat_le
         cov = drift.cov + self._more_cov(drift.axes_l, axes_e, point_distance(second), centre_e, (earlier, later))
-        at_centre_l = expected_l + np.cross(turn_l, drift.centre_l - middle_l)
+        at_centre_l = expected_l + skew(turn_l) @ (drift.centre_l - middle_l)
         drift = replace(drift, drift=drift.drift + drift.axes_l @ at_centre_l, cov=cov)
         return drift, LookDrift(earlier.mark, later.mark, centre_e, axes_e, drift.drift, drift.cov, drift.roughness)
 

@@ -192,7 +192,7 @@ class LookDrift(LastingErrors):
         expected = rows[:, column : column + STATES] @ then + rows[:, POS:VEL] @ now[:3] + rows[:, TURN:ACCEL] @ now[3:]
         longer, middle = vectors[1] - vectors[0], 0.5 * (vectors[0] + vectors[1])
         rough = self.roughness / max(float(np.linalg.norm(middle)), MIN_DISTANCE_M)
-        aside = np.cross(estimate.mat_eb[:, 2], vectors[1]) - np.cross(self.first.mat_eb[:, 2], vectors[0])
+        aside = skew(estimate.mat_eb[:, 2]) @ vectors[1] - skew(self.first.mat_eb[:, 2]) @ vectors[0]
         for i in range(3):
             expected[i] += enter_drift(estimate, SHARE, rows[i], float(longer[i]))
             expected[i] += enter_drift(estimate, COVER, rows[i], float(longer[i] * rough))

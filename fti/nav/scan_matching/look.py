@@ -54,6 +54,7 @@ def place_look(origins_l: Array, directions_l: Array, ranges: Array, t: Array, r
     t            : ndarray, shape (n,) [s];  range_sd : [m]
     """
     has_return = np.isfinite(ranges)
-    directions = directions_l[has_return]
-    points = np.broadcast_to(origins_l, directions_l.shape)[has_return] + ranges[has_return, None] * directions
-    return Look(points, directions, t[has_return], range_sd)
+    if not has_return.all():
+        origins_l = np.broadcast_to(origins_l, directions_l.shape)[has_return]
+        directions_l, ranges, t = directions_l[has_return], ranges[has_return], t[has_return]
+    return Look(origins_l + ranges[:, None] * directions_l, directions_l, t, range_sd)

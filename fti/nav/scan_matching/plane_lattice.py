@@ -31,6 +31,8 @@ MAX_STEPS = 500
 #: Values of a node.
 UP, SLOPE_EAST, SLOPE_NORTH, VARIANCE, TIME = range(5)
 VALUES = 5
+#: Sums of a node: of the weights times 1, x, y, z, xx, xy, yy, xz, yz, zz, the weight, t, tt.
+SUMS = 13
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,44 +99,57 @@ def _sort_by_cell(points: Array, corner: Array, step: float, rows: int, columns:
 @kernel
 def _fit_planes(points: Array, t: Array, start: Ints, order: Ints, corner: Array, step: float, planes: Array) -> None:
     rows, columns = planes.shape[:2]
+    sorted_points, sorted_t = points[order], t[order]
+    sums = np.empty(SUMS)
     for row in range(rows):
         for column in range(columns):
             east, north = corner[0] + (column + 0.5) * step, corner[1] + (row + 0.5) * step
-            sums, count = np.zeros(13), 0
+            first, last = max(column - 1, 0), min(column + 2, columns)
+            sums[:] = 0.0
+            count = 0
             for i in range(max(row - 1, 0), min(row + 2, rows)):
-                first, last = i * columns + max(column - 1, 0), i * columns + min(column + 2, columns)
-                for k in order[start[first] : start[last]]:
-                    count += _add_point(points[k], t[k], east, north, REACH * step, sums)
+                begin, end = start[i * columns + first], start[i * columns + last]
+                count += _add_points(sorted_points, sorted_t, begin, end, east, north, REACH * step, sums)
             if count >= MIN_POINTS:
-                _solve_plane(sums, REACH * step, planes[row, column])
+                _solve_plane(sums, REACH * step, planes, row, column)
 
 
 @inlined_kernel
-def _add_point(point: Array, t: float, east: float, north: float, reach: float, sums: Array) -> int:
-    """Adds a point to the sums of a node; 1 where it is within the reach."""
-    x, y, z = (point[0] - east) / reach, (point[1] - north) / reach, point[2]
-    distance = x * x + y * y
-    if distance >= 1.0:
-        return 0
-    w = (1.0 - distance) ** 2
-    sums[0] += w
-    sums[1] += w * x
-    sums[2] += w * y
-    sums[3] += w * z
-    sums[4] += w * x * x
-    sums[5] += w * x * y
-    sums[6] += w * y * y
-    sums[7] += w * x * z
-    sums[8] += w * y * z
-    sums[9] += w * z * z
-    sums[10] += w * w
-    sums[11] += w * t
-    sums[12] += w * t * t
-    return 1
+def _add_points(
+    points: Array, t: Array, begin: int, end: int, east: float, north: float, reach: float, sums: Array
+) -> int:
+    """Adds some points to the sums of a node; their number within the reach."""
+    count = 0
+    # each sum is a local variable: in the array, every point would wait for the one before to be stored
+    s0, s1, s2, s3, s4, s5, s6 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6]
+    s7, s8, s9, s10, s11, s12 = sums[7], sums[8], sums[9], sums[10], sums[11], sums[12]
+    for k in range(begin, end):
+        x, y, z = (points[k, 0] - east) / reach, (points[k, 1] - north) / reach, points[k, 2]
+        distance = x * x + y * y
+        if distance >= 1.0:
+            continue
+        count += 1
+        w = (1.0 - distance) ** 2
+        s0 += w
+        s1 += w * x
+        s2 += w * y
+        s3 += w * z
+        s4 += w * x * x
+        s5 += w * x * y
+        s6 += w * y * y
+        s7 += w * x * z
+        s8 += w * y * z
+        s9 += w * z * z
+        s10 += w * w
+        s11 += w * t[k]
+        s12 += w * t[k] * t[k]
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6] = s0, s1, s2, s3, s4, s5, s6
+    sums[7], sums[8], sums[9], sums[10], sums[11], sums[12] = s7, s8, s9, s10, s11, s12
+    return count
 
 
 @inlined_kernel
-def _solve_plane(sums: Array, reach: float, plane: Array) -> None:
+def _solve_plane(sums: Array, reach: float, planes: Array, row: int, column: int) -> None:
     """The plane of a node from its sums; unchanged where the points do not determine it."""
     total = sums[0]
     x, y, z, t = sums[1] / total, sums[2] / total, sums[3] / total, sums[11] / total
@@ -146,10 +161,10 @@ def _solve_plane(sums: Array, reach: float, plane: Array) -> None:
         return
     along, across = (yy * xz - xy * yz) / det, (xx * yz - xy * xz) / det
     count = total * total / sums[10]
-    plane[UP] = z - along * x - across * y
-    plane[SLOPE_EAST], plane[SLOPE_NORTH] = along / reach, across / reach
-    plane[VARIANCE] = max(zz - along * xz - across * yz, 0.0) * count / max(count - 3.0, 1.0)
-    plane[TIME] = t
+    planes[row, column, UP] = z - along * x - across * y
+    planes[row, column, SLOPE_EAST], planes[row, column, SLOPE_NORTH] = along / reach, across / reach
+    planes[row, column, VARIANCE] = max(zz - along * xz - across * yz, 0.0) * count / max(count - 3.0, 1.0)
+    planes[row, column, TIME] = t
 
 
 @inlined_kernel

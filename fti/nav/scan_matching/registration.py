@@ -151,9 +151,10 @@ class _Pair:
 
     def roughness(self) -> float:
         """RMS distance of points from the planes, beyond the noise of the ranges [m], where both looks have planes."""
-        both = np.stack(self.planes)[:, np.isfinite(self.planes[0][..., TIME] + self.planes[1][..., TIME])]
+        both = np.isfinite(self.planes[0][..., TIME] + self.planes[1][..., TIME])
+        variances = np.stack([planes[..., VARIANCE][both] for planes in self.planes])
         noise = np.mean([look.range_sd**2 for look in self.looks])
-        return math.sqrt(max(float(both[..., VARIANCE].mean() - noise), 0.0))
+        return math.sqrt(max(float(variances.mean() - noise), 0.0))
 
 
 def register(
@@ -188,10 +189,14 @@ def register(
 
 def point_distance(look: Look) -> float:
     """Distance of the points of a square grid of the density between the quartiles of both axes [m]; 0 if none."""
-    places = look.points_l[:, :2]
-    low, high = np.percentile(places, (25.0, 75.0), axis=0)
-    count = int(((places >= low) & (places <= high)).all(axis=1).sum())
-    return float(np.sqrt(np.prod(high - low) / count)) if count else 0.0
+    axes = look.points_l[:, 0].copy(), look.points_l[:, 1].copy()  # rows of their own: several times as fast
+    inside, area = np.ones(len(look), dtype=bool), 1.0
+    for values in axes:
+        low, high = np.percentile(values, (25.0, 75.0))
+        inside &= (values >= low) & (values <= high)
+        area *= float(high - low)
+    count = np.count_nonzero(inside)
+    return math.sqrt(area / count) if count else 0.0
 
 
 class _RefusalError(Exception):

@@ -26,7 +26,7 @@ import math
 import numpy as np
 
 from fti.arrays import Array
-from fti.kernel import kernel
+from fti.kernel import inlined_kernel, kernel
 from fti.nav.scan_matching.plane_lattice import SLOPE_EAST, SLOPE_NORTH, TIME, UP, VALUES, VARIANCE, surface_at
 
 #: Residuals beyond so many robust sigma have no weight (Tukey 1977: 4.685 for 95 % efficiency of normal errors).
@@ -85,8 +85,7 @@ def add_scores(
         e = sign * (points[i, 2] - sign * up - surface[UP])
         slope_east = 0.5 * (surface[SLOPE_EAST] + own[i, SLOPE_EAST])
         slope_north = 0.5 * (surface[SLOPE_NORTH] + own[i, SLOPE_NORTH])
-        u = directions[i]
-        incidence = abs(u[2] - slope_east * u[0] - slope_north * u[1])
+        incidence = abs(directions[i, 2] - slope_east * directions[i, 0] - slope_north * directions[i, 1])
         if incidence < MIN_INCIDENCE:
             continue
         v = (incidence * range_sd) ** 2 + 0.5 * (surface[VARIANCE] + own[i, VARIANCE])
@@ -103,13 +102,16 @@ def add_scores(
         patch = row * patches[1] + column
         for j in range(size):
             scores[patch, j] += weight * mean[j] * e
-            for k in range(size):
+            for k in range(j, size):
                 product = 0.5 * (first[j] * second[k] + second[j] * first[k])
                 information[patch, j, k] += weight * product
                 curvature[patch, j, k] += bend * product
+    for j in range(size):
+        for k in range(j):
+            information[:, j, k], curvature[:, j, k] = information[:, k, j], curvature[:, k, j]
 
 
-@kernel
+@inlined_kernel
 def _shift_at(shift: Array, later: float) -> tuple[float, float, float]:
     """East, north, up of the drift, so much later than the middle [s]."""
     if len(shift) == 3:
@@ -117,7 +119,7 @@ def _shift_at(shift: Array, later: float) -> tuple[float, float, float]:
     return shift[0] + later * shift[3], shift[1] + later * shift[4], shift[2] + later * shift[5]
 
 
-@kernel
+@inlined_kernel
 def _regressors(east: float, north: float, later: float, row: Array) -> None:
     row[0], row[1], row[2] = east, north, 1.0
     for j in range(3, len(row)):

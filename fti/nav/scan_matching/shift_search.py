@@ -41,6 +41,8 @@ def find_shifts(planes: tuple[Array, Array], step: float, expected_sd: float) ->
     enough = (counts > 1) & (2 * counts > counts.max())
     if not enough.any():
         return np.zeros((0, 2))
+    if not reach:
+        return np.zeros((1, 2))
     side = 2 * reach + 1
     totals = np.full(side * side, np.inf)
     totals[enough] = np.nanmean(means[enough], axis=1)

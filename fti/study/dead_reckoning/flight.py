@@ -24,7 +24,7 @@ from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
-from fti.ranging.sensor import Poses
+from fti.ranging.sensor import Poses, sensor_poses
 from fti.study.ground_flights import gauss_markov
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
@@ -42,6 +42,8 @@ SATELLITE_SD, SLOW_SHARE, SLOW_S, VELOCITY_SD = (2.0, 3.0), 0.7, 200.0, 0.1
 BARO_OFFSET_M, BARO_DRIFT_M, BARO_S, BARO_NOISE_M = 20.0, 3.0, 1800.0, 0.5
 #: One sigma of the errors of the imager: noise [m], range scale, mounting [rad], time [s].
 RANGE_SD, SCALE_SD, MOUNTING_SD, TIME_SD = 0.1, 3e-4, math.radians(0.1), 0.5e-3
+#: Images of a call of the ray caster: some megabytes.
+IMAGES_AT_ONCE = 10
 IMAGER = RangeImager(laser=Laser(max_range=1500.0))
 
 
@@ -129,13 +131,14 @@ def draw_images(terrain: Terrain, flight: SplineFlight, rng: Rng) -> Images:
     state = flight.state(t + TIME_SD * rng.standard_normal())
     mounting = mat_from_rpy(0.0, 0.0, MOUNTING_SD * float(rng.standard_normal()))
     scale = 1.0 + SCALE_SD * float(rng.standard_normal())
+    place, rpy = (state.lat, state.lon, state.alt), (state.roll, state.pitch, state.heading)
+    poses = sensor_poses(terrain.frame, place, rpy, mat_bs=mounting)
     directions = IMAGER.directions_s().reshape(-1, 3)
-    frame = terrain.frame
     ranges = np.empty((len(t), len(directions)))
-    for k in range(len(t)):
-        mat = frame.mat_ln(state.lat[k], state.lon[k]) @ mat_from_rpy(state.roll[k], state.pitch[k], state.heading[k])
-        origin = frame.to_local(state.lat[k], state.lon[k], state.alt[k])
-        returns = IMAGER.measure(terrain, Poses.stationary(origin[None], (mat @ mounting)[None]))
-        exact = np.where(returns.valid, returns.slant_range, np.nan).reshape(len(directions), -1)[:, 0]
-        ranges[k] = scale * exact + RANGE_SD * rng.standard_normal(len(exact))
+    for first in range(0, len(t), IMAGES_AT_ONCE):
+        part = slice(first, first + IMAGES_AT_ONCE)
+        some = Poses.stationary(poses.origins_l[part], poses.mats_ls[part])
+        returns = IMAGER.measure(terrain, some)
+        exact = np.where(returns.valid, returns.slant_range, np.nan).reshape(len(some), -1)
+        ranges[part] = scale * exact + RANGE_SD * rng.standard_normal(exact.shape)
     return Images(t, ranges, directions)
