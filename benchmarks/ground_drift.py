@@ -1,16 +1,24 @@
 """Processor time of the drift over the ground: decoding, looks and registration, as a share of a core.
 
-    python benchmarks/ground_drift.py
+    python benchmarks/ground_drift.py [--rounds N] [--duration S]
 
-A flight of 20 s over a valley of the demo scene, 50 to 90 m above it, with the images of ``configs/scan_drift.toml``
-(75 x 75 pixels, 2 Hz), and one with the packets of a Velodyne VLP-16 at full rate in their place (754 a second).  The
-recorded bytes are then decoded and navigated again, with ``[nav.scan_drift]`` and without it and the frames of its
-device.  The difference is what the drift costs, the states of the filter included.  "tick" is the longest time of one
-tick of navigation, which delays its outputs.  Processor times of one thread, with the kernels compiled.
+First alone: a flight of 20 s over a valley of the demo scene, 50 to 90 m above it, with the images of
+``configs/scan_drift.toml`` (75 x 75 pixels, 2 Hz), and one with the packets of a Velodyne VLP-16 at full rate in their
+place (754 a second).  The recorded bytes are then decoded and navigated again, with ``[nav.scan_drift]`` and without it
+and the frames of its device.  The difference is what the drift costs, the states of the filter included.  "tick" is the
+longest time of one tick of navigation, which delays its outputs.  Processor times of one thread, with the kernels
+compiled.
+
+Then live, beside everything else of the research aircraft: the emulator flies it past a real daemon, without a range
+sensor and with each one in turn, in rounds.  The difference of the processor times of recorder and navigation is that
+of the sensor: reading, recording, decoding, looks, registration.  That of navigation is over the time of the flight
+that it has processed, which a growing backlog makes shorter.  The line scanner of ``configs/range_scanner.toml``
+(10,000 points/s) is recorded and decoded; its lines give no looks.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from collections.abc import Sequence
@@ -19,7 +27,9 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from benchmarks.parts import research_flight
 from benchmarks.parts.machine import Targets, machine
+from benchmarks.parts.research_flight import Round
 from fti import config as configuration
 from fti.config import Config
 from fti.devices import bind_devices
@@ -32,7 +42,10 @@ from fti.post import offline_run
 from fti.service.navigation.decode_chain import Chain
 
 SECONDS, MAX_SHARE = 20.0, 0.25
-FILE = Path(__file__).resolve().parents[1] / "configs" / "scan_drift.toml"
+#: Largest age of the newest frame that navigation has processed [s].
+MAX_LAG_S = 0.5
+CONFIGS = Path(__file__).resolve().parents[1] / "configs"
+FILE = CONFIGS / "scan_drift.toml"
 IMAGER = 'driver = "binary_struct"'
 SCANNER = 'driver = "velodyne_vlp16"\nrate_hz = 754\nlatency_ms = 1.4\nrpy_bs_deg = [-90.0, 0.0, 90.0]\n'
 
@@ -94,12 +107,104 @@ def measure(name: str, text: str, targets: Targets) -> None:
     targets.check(f"{name}: at most {100 * MAX_SHARE:.0f} % of a core", share <= MAX_SHARE)
 
 
+def _part(text: str, begin: str, end: str) -> str:
+    """The text from the table that begin names to the one that end names."""
+    first = text.index(begin)
+    return text[first : text.index(end, first)]
+
+
+def _device(name: str) -> str:
+    return f'[[device]]\nname = "{name}"\n'
+
+
+def _link(name: str) -> str:
+    return f'[[link]]\nname = "{name}"\n'
+
+
+def looks_text(text: str) -> str:
+    """Link, device and looks of a configuration of the imager or of the VLP-16."""
+    link = _part(text, _link("imager_eth"), _link("ins_eth")) + "buffer_bytes = 8388608\n"
+    return link + _part(text, _device("imager"), _device("ins")) + _part(text, "[nav.scan_drift]", "[nav.alert_limits]")
+
+
+def lines_text() -> str:
+    """Link and device of the line scanner."""
+    text = (CONFIGS / "range_scanner.toml").read_text(encoding="utf-8")
+    link, device = (
+        _part(text, _link("lines_eth"), _link("imager_eth")),
+        _part(text, _device("lines"), _device("imager")),
+    )
+    return link + device
+
+
+def live_sensors() -> dict[str, tuple[str | None, str]]:
+    """Name -> link of the range sensor, and its part of the configuration."""
+    text = FILE.read_text(encoding="utf-8")
+    return {
+        "without": (None, ""),
+        "imager": ("imager_eth", looks_text(text)),
+        "lines": ("lines_eth", lines_text()),
+        "VLP-16": ("imager_eth", looks_text(scanner_text(text))),
+    }
+
+
+def measure_live(rounds: int, duration_s: float, targets: Targets) -> None:
+    """Fly each configuration in each round; print and judge."""
+    base, flown = research_flight.research_text(), {name: list[Round]() for name in live_sensors()}
+    print(f"live, beside the research aircraft: {rounds} rounds of {duration_s:g} s")
+    for _ in range(rounds):
+        for name, (link, text) in live_sensors().items():
+            flown[name].append(research_flight.fly(base + text, link, duration_s))
+    print("         recorder  navigation     lag  output delay [ms]     emulator late [ms]     datagrams")
+    print("         % of core  % of core  max ms   p50   p99   max        p50      p99       sent  recorded   pairs")
+    for name, results in flown.items():
+        print(_row(name, results))
+    for name, results in flown.items():
+        _judge(name, results, flown["without"], targets)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _row(name: str, results: Sequence[Round]) -> str:
+    cpu = [100 * _mean([each.cpu[process] for each in results]) for process in research_flight.PROCESSES]
+    delays = [delay for each in results for delay in each.delay_ms]
+    p50, p99 = (sorted(column)[len(column) // 2] for column in list(zip(*delays, strict=True))[:2])
+    longest, lag = max(delay[2] for delay in delays), max(lag for each in results for lag in each.lag_ms)
+    row = f"{name:8} {cpu[0]:9.1f} {cpu[1]:10.1f} {lag:7.0f} {p50:5.1f} {p99:5.1f} {longest:5.1f}"
+    if name == "without":
+        return row
+    late = [max(each.late_ms[i] for each in results) for i in (0, 1)]
+    sent, recorded = sum(each.sent for each in results), sum(each.recorded for each in results)
+    pairs, found = sum(each.pairs for each in results), sum(each.found for each in results)
+    return f"{row} {late[0]:10.2f} {late[1]:8.2f} {sent:10d} {recorded:9d} {found:4d}/{pairs}"
+
+
+def _judge(name: str, results: Sequence[Round], without: Sequence[Round], targets: Targets) -> None:
+    dropped = sum(each.dropped for each in results)
+    is_whole = not dropped and all(each.verified and each.sent == each.recorded for each in results)
+    targets.check(f"{name}: {dropped} frames dropped, every datagram recorded, fti verify holds", is_whole)
+    lag_s = 1e-3 * max(lag for each in results for lag in each.lag_ms)
+    targets.check(f"{name}: navigation keeps up, at most {MAX_LAG_S:g} s late", lag_s <= MAX_LAG_S)
+    if name != "without":
+        shares = [one.total - other.total for one, other in zip(results, without, strict=True)]
+        text = f"{name}: {100 * _mean(shares):.1f} % of a core ({100 * min(shares):.1f} to {100 * max(shares):.1f})"
+        targets.check(f"{text}, at most {100 * MAX_SHARE:.0f} %", _mean(shares) <= MAX_SHARE)
+
+
 def main() -> int:
-    """Both sensors."""
+    """Both sensors alone, then live."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=3, help="of the live flights; 0: none (default: 3)")
+    parser.add_argument("--duration", type=float, default=40.0, metavar="S", help="of a live flight (default: 40 s)")
+    args = parser.parse_args()
     print(machine())
     targets, text = Targets(), FILE.read_text(encoding="utf-8")
     measure("imager 75 x 75, 2 Hz", text, targets)
     measure("VLP-16, 754 packets/s", scanner_text(text), targets)
+    if args.rounds:
+        measure_live(args.rounds, args.duration, targets)
     return targets.code
 
 
