@@ -347,6 +347,7 @@ class GroundDrift(Message, kw_only=True):
     pairs, refused : pairs of looks since the start, and those of them that did not aid
     range_share, range_share_sd : estimated error of the sensor as a share of its ranges, and its sigma
     yaw, yaw_sd : estimated error of its mounting about the vertical axis of the aircraft, and its sigma [rad]
+    clock, clock_sd : estimated time by which its scans are stamped too late, and its sigma [s]
     """
 
     t_ns: Nanoseconds
@@ -369,6 +370,8 @@ class GroundDrift(Message, kw_only=True):
     range_share_sd: Ratio | None = None
     yaw: Radians | None = None
     yaw_sd: Radians | None = None
+    clock: Seconds | None = None
+    clock_sd: Seconds | None = None
 
 
 class SourceValidity(Message, kw_only=True):

@@ -9,9 +9,13 @@ corrects the errors of the sensor only (``Aiding.is_on_trial``).  ``REFUSED_COUN
 contradict the filter end the calibration, with or without satellites: the sensor or the filter is wrong.  Without
 satellites there is no new one.  A filter that starts again has no calibration.
 
-A mounting about the vertical axis is a heading to all pairs: only their sum is known.  Pairs therefore count only while
-the filter knows the heading by itself, after a turn, to ``MAX_HEADING_SD``; and a mounting beyond ``MAX_YAW`` is a
-contradiction.  Otherwise a wrong mounting would become a wrong heading with a small sigma.
+A mounting about the vertical axis is a heading to all pairs: only their sum is known.  A time by which the scans are
+stamped late cancels unless the roll changes.  Pairs therefore count only while the filter knows the heading by itself
+to ``MAX_HEADING_SD``, and complete the calibration only when it knows the time to ``MAX_CLOCK_SD``: after a turn.
+Until then a roll has a look of its own.  A mounting beyond ``MAX_YAW``, and a time beyond ``MAX_CLOCK``, is a
+contradiction.  Otherwise a wrong mounting would become a wrong heading with a small sigma, and a
+wrong clock a wrong velocity in the next turn.  A contradiction makes the errors of the sensor unknown again, and its
+event names the error that explains the pairs (``fti.nav.look_diagnosis``).
 
 The drift bounds no position: with it alone the filter coasts, and its sigma grows more slowly.  Copies of the filter
 without satellites do not use it (``fti.nav.separation``), so that it hides no fault of the satellites; protection
@@ -34,9 +38,10 @@ from fti.constants import SECOND_NS
 from fti.messages.measurements import Measurement, RangeScan
 from fti.messages.outputs import Event, GroundDrift
 from fti.messages.reasons import Reason
-from fti.nav.filter.look_mark import SCAN_DRIFT, SHARE, YAW, YAW_DRIFT
+from fti.nav.filter.look_mark import CLOCK, CLOCK_DRIFT, SCAN_DRIFT, SHARE, YAW, YAW_DRIFT, SensorReset
 from fti.nav.inertial_aiding import LOOKS
 from fti.nav.look_collection import MIN_INTERVAL_NS, CollectedLook, LookCollector, as_image, interval_ns, thin
+from fti.nav.look_diagnosis import LookDiagnosis, describe
 from fti.nav.look_pairs import LookPairs, PairResult
 from fti.nav.scan_matching.registration import Refusal, ScanDrift
 
@@ -48,6 +53,12 @@ if TYPE_CHECKING:
 CALIBRATION_COUNT, CALIBRATION_NS = 6, 30_000_000_000
 #: Sigma of the heading that makes a mounting visible, and largest estimate of a mounting that was surveyed [rad].
 MAX_HEADING_SD, MAX_YAW = 0.75 * YAW_DRIFT.sd, 2.5 * YAW_DRIFT.sd
+#: Sigma of the time of the looks at which a roll does not hide its largest estimate, and that estimate [s].
+MAX_CLOCK_SD, MAX_CLOCK = CLOCK_DRIFT.sd / 3.0, 2.5 * CLOCK_DRIFT.sd
+#: Errors of the sensor: sigma of a sound one, and largest estimate.
+LIMITS_OF_ERRORS = {CLOCK: (CLOCK_DRIFT, MAX_CLOCK), YAW: (YAW_DRIFT, MAX_YAW)}
+#: An error beyond its limit must be known to be one: share of the pairs in its information, and sigmas.
+MIN_SHARE_OF_PAIRS, MIN_SIGMAS = 0.25, 4.0
 #: Satellites were accepted within so long [ns].
 SATELLITES_NS = 2_000_000_000
 #: One sigma of a drift over the distance of the points, where the ground between them is not a plane.  Measured over
@@ -55,6 +66,10 @@ SATELLITES_NS = 2_000_000_000
 SHARE_SD = 0.005
 #: Pairs that contradict the filter within so long end the calibration.
 REFUSED_COUNT, REFUSED_NS = 2, 60_000_000_000
+#: While the time of the scans is unknown, a roll at this rate [rad/s] has a look; time from the last look to it [ns].
+MIN_ROLL_RATE, ROLL_LOOK_NS = math.radians(3.0), 1_000_000_000
+#: Rate about the forward axis in the inertial sample of an estimate.
+ROLL_RATE = 3
 #: Longest time from one look to the next over which the first one is kept [ns].
 MAX_GAP_NS = 15_000_000_000
 #: Greatest age of a valid drift, in intervals of its looks.
@@ -85,12 +100,16 @@ class Calibration:
         self._agreed_ns.clear()
         self._refused_ns.clear()
 
-    def agree(self, t_ns: int) -> bool:
-        """A pair that agrees with satellites and a known heading; returns whether it completes the calibration."""
+    def agree(self, t_ns: int, *, knows_clock: bool = True) -> bool:
+        """A pair that agrees with satellites and a known heading; returns whether it completes the calibration.
+
+        knows_clock : a roll has shown the time of the scans, without which the calibration is not complete
+        """
         if self.is_complete:
             return False
         self._agreed_ns.append(t_ns)
-        if len(self._agreed_ns) < CALIBRATION_COUNT or t_ns - self._agreed_ns[0] < CALIBRATION_NS:
+        enough = len(self._agreed_ns) >= CALIBRATION_COUNT and t_ns - self._agreed_ns[0] >= CALIBRATION_NS
+        if not (enough and knows_clock):
             return False
         self._agreed_ns.clear()
         self.is_complete, self.is_contradicting = True, False
@@ -123,7 +142,8 @@ class GroundDriftAiding:
             LookCollector(settings, device),
             LookPairs(LOOKS - 1, time_sd=1e-3 * settings.time_sd_ms, share_sd=SHARE_SD),
         )
-        self._calibration = Calibration()
+        self._calibration, self._diagnosis = Calibration(), LookDiagnosis(REFUSED_COUNT)
+        self._is_explained = False  # the cause of the contradiction has been reported
         self._look_ns: int | None = None  # of the last look that is in a pair
         self._counts = [0, 0]  # pairs; of them refused
         self._drift: GroundDrift | None = None
@@ -137,7 +157,20 @@ class GroundDriftAiding:
     def feed(self, device: str, m: Measurement, t_ns: int) -> None:
         """Take a scan whose first point was measured at t_ns."""
         if isinstance(m, RangeScan) and m.valid and device == self._name:
+            if self._shows_clock(t_ns):
+                self._looks.next_ns = t_ns
             self._looks.feed(m, t_ns)
+
+    def _shows_clock(self, t_ns: int) -> bool:
+        """Whether a look at t_ns, before the next one is due, is in a roll that shows the unknown time of the scans."""
+        last_ns, drift = self._look_ns, self._drift
+        if last_ns is None or self._looks.is_collecting or not last_ns + ROLL_LOOK_NS <= t_ns < self._looks.next_ns:
+            return False
+        if drift is None or drift.clock_sd is None or drift.clock_sd <= MAX_CLOCK_SD:
+            return False
+        newest_ns = self._aided.newest_ns
+        estimate = None if newest_ns is None else self._aided.estimate(newest_ns)
+        return estimate is not None and abs(float(estimate.imu[ROLL_RATE])) >= MIN_ROLL_RATE
 
     def tick(self, t_ns: int) -> list[GroundDrift | Event]:
         """Compare a look that is complete; repeat the last output; events."""
@@ -174,22 +207,23 @@ class GroundDriftAiding:
         if result.drift is None:
             self._aided.feed_look(look.t_ns, result.mark)
             return replace(output, reasons=(Reason.NOTHING_TO_COMPARE,))
-        return self._use(result, complete_drift(output, result.drift, estimate))
+        return self._use(result, complete_drift(output, result.drift, estimate), estimate)
 
     def _restart(self) -> None:
         """The filter has no position: looks, and what it knew of the sensor, are lost."""
         self._pairs.clear()
         self._calibration.restart()
+        self._diagnosis.clear()
 
-    def _use(self, result: PairResult, output: GroundDrift) -> GroundDrift:
-        """Let a drift aid if nothing refuses it; mark the look after it."""
+    def _use(self, result: PairResult, output: GroundDrift, before: Estimate) -> GroundDrift:
+        """Let a drift aid if nothing refuses it; mark the look after it.  before : the filter's estimate without it"""
         assert output.t_valid_ns is not None
-        reasons = self._refusal_reasons(result, output.t_valid_ns)
+        reasons = self._refusal_reasons(result, output.t_valid_ns, before)
         self._aided.feed_look(output.t_valid_ns, result.mark)
         self._counts = [self._counts[0] + 1, self._counts[1] + bool(reasons)]
         return replace(output, valid=not reasons, reasons=reasons)
 
-    def _refusal_reasons(self, result: PairResult, t_ns: int) -> tuple[Reason, ...]:
+    def _refusal_reasons(self, result: PairResult, t_ns: int, before: Estimate) -> tuple[Reason, ...]:
         """Why a drift does not aid; it has been given to the filter."""
         assert result.drift is not None
         if result.aiding is None:
@@ -202,20 +236,30 @@ class GroundDriftAiding:
         reasons = self._calibration.reasons
         self._aided.feed_look(t_ns, with_fields(result.aiding, is_on_trial=not self._calibration.is_complete))
         after = self._aided.estimate(t_ns)
-        if not self._aided.is_accepted(SCAN_DRIFT, t_ns) or after is None or abs(after.drift(YAW)) > MAX_YAW:
-            self._contradict(t_ns)
+        if not self._aided.is_accepted(SCAN_DRIFT, t_ns) or after is None or excessive_error(after):
+            self._diagnosis.feed(result.aiding, before)
+            self._contradict(t_ns, excessive_error(after) if after else "")
             return (Reason.REJECTED, *self._calibration.reasons)
         knows_heading = after.rpy_sd[2] <= MAX_HEADING_SD
-        if has_satellites and knows_heading and self._calibration.agree(t_ns):
+        if has_satellites and knows_heading and self._calibration.agree(t_ns, knows_clock=knows_clock(after)):
+            self._diagnosis.clear()
+            self._is_explained = False
             self._report(t_ns, "info", "its pairs agree with satellites; it aids the filter")
         return reasons
 
-    def _contradict(self, t_ns: int) -> None:
-        if self._calibration.contradict(t_ns):
-            text = (
-                f"{REFUSED_COUNT} pairs of {self._name} contradict the filter: its mounting, clock or ranges are wrong,"
-            )
-            self._report(t_ns, "warning", f"{text} or the filter is; it aids again after a calibration")
+    def _contradict(self, t_ns: int, cause: str = "") -> None:
+        """A pair contradicts the filter.  cause : the error of the sensor that is too large, ""  if none is"""
+        begins = self._calibration.contradict(t_ns)
+        if not self._calibration.is_contradicting or (self._is_explained and not begins):
+            return
+        cause = cause or self._diagnosis.cause()
+        if begins:
+            self._aided.feed_look(t_ns, SensorReset())  # what is known of the sensor may be wrong
+        if begins or cause:
+            self._is_explained = bool(cause)
+            reason = cause or "its mounting, clock or ranges are wrong, or the filter is"
+            text = f"pairs of {self._name} contradict the filter: {reason}; it aids again after a calibration"
+            self._report(t_ns, "warning", text)
 
     def _report(self, t_ns: int, level: str, text: str) -> None:
         self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=f"{NAME}: {text}"))
@@ -231,6 +275,28 @@ class GroundDriftAiding:
         return replace(self._drift, t_ns=t_ns, pairs=pairs, refused=refused)
 
 
+def knows_clock(estimate: Estimate) -> bool:
+    """Whether the time of the scans is known so well that a roll does not hide a wrong clock."""
+    clock_sd = estimate.drift_sd(CLOCK)
+    return clock_sd is not None and clock_sd <= MAX_CLOCK_SD
+
+
+def excessive_error(estimate: Estimate) -> str:
+    """The error of the sensor that is larger than a sound sensor has; "" if none is.
+
+    The estimate is freed of the sigma of a sound sensor, which draws it to zero: information is 1 / variance.
+    """
+    for name, (drift, limit) in LIMITS_OF_ERRORS.items():
+        sd = estimate.drift_sd(name)
+        share = 0.0 if sd is None else 1.0 - (sd / drift.sd) ** 2  # of the pairs in the information
+        if sd is None or share < MIN_SHARE_OF_PAIRS:
+            continue
+        value = estimate.drift(name) / share
+        if abs(value) > max(limit, MIN_SIGMAS * sd / math.sqrt(share)):
+            return describe(name, value)
+    return ""
+
+
 def _sensor_errors(estimate: Estimate) -> dict[str, float | None]:
     """The errors of the sensor that the filter estimates."""
     return {
@@ -238,6 +304,8 @@ def _sensor_errors(estimate: Estimate) -> dict[str, float | None]:
         "range_share_sd": estimate.drift_sd(SHARE),
         "yaw": estimate.drift(YAW),
         "yaw_sd": estimate.drift_sd(YAW),
+        "clock": estimate.drift(CLOCK),
+        "clock_sd": estimate.drift_sd(CLOCK),
     }
 
 

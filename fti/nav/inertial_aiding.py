@@ -58,7 +58,7 @@ from fti.nav.filter.error_states import (
 )
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import GateStates
-from fti.nav.filter.look_mark import LookDrift, LookMark, look_drifts
+from fti.nav.filter.look_mark import LookDrift, LookMark, SensorReset, look_drifts
 from fti.nav.filter.navigator import InertialNavigator, is_known
 from fti.nav.filter.position_mark import MarkedPosition, PositionMark, mark_drifts
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
@@ -333,8 +333,8 @@ class AidedNavigation:
         self._solution = None
         self._navigator.feed_aiding(t_ns, aiding)
 
-    def feed_look(self, t_ns: int, aiding: LookMark | LookDrift) -> None:
-        """A mark of a look at the ground, or a drift between two looks (``fti.nav.ground_drift``)."""
+    def feed_look(self, t_ns: int, aiding: LookMark | LookDrift | SensorReset) -> None:
+        """A mark of a look at the ground, a drift between two looks, or a reset (``fti.nav.ground_drift``)."""
         self._solution = None
         self._navigator.feed_aiding(t_ns, aiding)
 

@@ -91,6 +91,11 @@ class LookCollector:
         self._end_ns = 0
         self._scans: list[CollectedLook] | None = None  # None: complete
 
+    @property
+    def is_collecting(self) -> bool:
+        """Whether a look is not complete."""
+        return self._scans is not None
+
     def feed(self, scan: RangeScan, t_ns: int) -> None:
         """Take a scan whose first point was measured at t_ns; one that belongs to no look is left out."""
         if t_ns >= self.next_ns:

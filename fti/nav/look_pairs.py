@@ -15,12 +15,13 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.constants import SECOND_NS
+from fti.geodesy.formulas import mat_from_quat, quat_from_turn
 from fti.geodesy.local import LocalFrame
 from fti.nav.filter.aiding import skew
 from fti.nav.filter.error_states import FilterModel, outage_model
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.kernels import largest_sd
-from fti.nav.filter.look_mark import LookDrift, LookMark, look_drifts
+from fti.nav.filter.look_mark import CLOCK, LookDrift, LookMark, look_drifts
 from fti.nav.filter.measurement_update import update_estimate
 from fti.nav.scan_matching.look import Look, place_look
 from fti.nav.scan_matching.registration import ScanDrift, point_distance, register
@@ -32,6 +33,8 @@ MAX_EXPECTED_SD_M = 1000.0
 GYRO = slice(13, 16)
 #: An error of the surface between the points is smaller in height.
 HEIGHT_SHARE = 0.2
+#: Step of the times with which looks are tried [s], and the twist between two looks that hardly disturbs them [rad].
+LATE_S, MAX_TWIST = 0.02, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +67,13 @@ class _PlacedImage(NamedTuple):
     def motion_at(self, point_e: Array) -> Array:
         """Velocity of a point that is fixed to the aircraft [m/s]: its error with a look that is a second late."""
         return self.vel_e + skew(self.rate_e) @ (point_e - self.mark.x_e)
+
+    def before(self, seconds: float) -> _PlacedImage:
+        """The image with the pose of so much earlier; velocity and turn rate are those of now."""
+        x, y, z = (-seconds * self.rate_e).tolist()
+        turn = np.array(mat_from_quat(*quat_from_turn(x, y, z)))
+        pose = replace(self.mark, x_e=self.mark.x_e - seconds * self.vel_e, mat_eb=turn @ self.mark.mat_eb)
+        return self._replace(mark=pose)
 
 
 class PairResult(NamedTuple):
@@ -111,26 +121,18 @@ class LookPairs:
         self, estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage
     ) -> tuple[ScanDrift | None, LookDrift | None]:
         """The drift between two looks, if the first is a state of the filter.  estimate : the filter's, at the later"""
-        frame = LocalFrame(*estimate.geodetic)
-        first, second = (_place(each, frame, later.t_ns) for each in (earlier, later))
-        middle_e = frame.origin_e
-        if len(second):
-            middle_e = middle_e + frame.mat_le.T @ np.mean(second.points_l, axis=0)
-        expected_e, sd = _expected_drift(estimate, earlier.mark, later.mark, middle_e)
-        if not sd <= MAX_EXPECTED_SD_M:
+        pair = _Pair(estimate, earlier, later)
+        if not pair.sd <= MAX_EXPECTED_SD_M:
             return None, None
-        expected_l, turn_l = frame.mat_le @ expected_e, frame.mat_le @ earlier.mark.states_of(estimate)[3:]
-        middle_l = frame.mat_le @ (middle_e - frame.origin_e)
-        moved = second.moved(-expected_l - (second.points_l - middle_l) @ skew(turn_l).T)
-        drift = register(first, moved, sd, changing=later.image.offsets_s is not None)
+        drift = pair.register()
         if not len(drift.drift):
             return drift, None
-        centre_e = frame.origin_e + frame.mat_le.T @ drift.centre_l
-        axes_e = drift.axes_l @ frame.mat_le
-        cov = drift.cov + self._more_cov(drift.axes_l, axes_e, point_distance(second), centre_e, (earlier, later))
-        at_centre_l = expected_l + skew(turn_l) @ (drift.centre_l - middle_l)
-        drift = replace(drift, drift=drift.drift + drift.axes_l @ at_centre_l, cov=cov)
-        return drift, LookDrift(earlier.mark, later.mark, centre_e, axes_e, drift.drift, drift.cov, drift.roughness)
+        frame = pair.frame
+        centre_e, axes_e = frame.origin_e + frame.mat_le.T @ drift.centre_l, drift.axes_l @ frame.mat_le
+        cov = drift.cov + self._more_cov(drift.axes_l, axes_e, pair.distance, centre_e, (earlier, later))
+        drift = replace(drift, cov=cov)
+        measured = axes_e, drift.drift, drift.cov, drift.roughness, pair.motion_at(centre_e)
+        return drift, LookDrift(earlier.mark, later.mark, centre_e, *measured)
 
     def _more_cov(
         self, axes_l: Array, axes_e: Array, distance: float, centre_e: Array, pair: tuple[_PlacedImage, _PlacedImage]
@@ -139,6 +141,73 @@ class LookPairs:
         level = self._share_sd * distance * axes_l * [1.0, 1.0, HEIGHT_SHARE]
         moved = [self._time_sd * axes_e @ each.motion_at(centre_e) for each in pair]
         return np.asarray(level @ level.T + sum(np.outer(each, each) for each in moved))
+
+
+class _Pair:
+    """Two looks, registered as they are stamped or with times that are all late.
+
+    estimate : the filter's, at the later look, which has marked the earlier one
+    sd       : largest horizontal sigma of the drift that it expects [m]
+    distance : of the points of the later look [m]
+    """
+
+    def __init__(self, estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage) -> None:
+        self.frame, self._looks = LocalFrame(*estimate.geodetic), (earlier, later)
+        self._known_late = estimate.drift(CLOCK)
+        second = _place(later, self.frame, later.t_ns)
+        self.distance = point_distance(second) if len(second) else 0.0
+        self._middle_l = np.mean(second.points_l, axis=0) if len(second) else np.zeros(3)
+        middle_e = self.frame.origin_e + self.frame.mat_le.T @ self._middle_l
+        expected_e, self.sd = _expected_drift(estimate, earlier, later, middle_e)
+        self._expected_l = self.frame.mat_le @ (expected_e - self._known_late * self.motion_at(middle_e))
+        self._turn_l = self.frame.mat_le @ earlier.mark.states_of(estimate)[3:]
+
+    def motion_at(self, point_e: Array) -> Array:
+        """Velocity of a point that is fixed to the aircraft, at the later look minus at the earlier one [m/s]."""
+        return self._looks[1].motion_at(point_e) - self._looks[0].motion_at(point_e)
+
+    def register(self) -> ScanDrift:
+        """The drift.  If the aircraft rolls, the times of the looks are corrected until the looks fit.
+
+        A roll of 5 deg/s turns a look by 4 mrad in 50 ms: it is twisted against the other one, and fits nowhere.
+        """
+        found, late = self._register_at(self._known_late), self._known_late
+        rotation = float(np.linalg.norm(self._looks[1].rate_e - self._looks[0].rate_e))
+        if rotation * LATE_S < MAX_TWIST:
+            return found
+        if len(found.axes_l) < 3:
+            tried = [(found, late), *((self._register_at(each), each) for each in LATE_S * np.arange(-3, 4) if each)]
+            found, late = min(tried, key=lambda each: _uncertainty(each[0]))
+        later = self._known_late + self._more_late(found)
+        if abs(later - late) * rotation < 0.5 * MAX_TWIST:
+            return found
+        return min(found, self._register_at(later), key=_uncertainty)
+
+    def _register_at(self, late: float) -> ScanDrift:
+        """The drift of the looks as they are stamped, found with all times so much earlier [s]."""
+        first, second = (_place(each.before(late), self.frame, self._looks[1].t_ns) for each in self._looks)
+        moved = second.moved(-self._expected_l - (second.points_l - self._middle_l) @ skew(self._turn_l).T)
+        drift = register(first, moved, self.sd, changing=self._looks[1].image.offsets_s is not None)
+        if not len(drift.drift):
+            return drift
+        centre_e = self.frame.origin_e + self.frame.mat_le.T @ drift.centre_l
+        at_centre = self._expected_l + skew(self._turn_l) @ (drift.centre_l - self._middle_l)
+        at_centre = at_centre + late * self.frame.mat_le @ self.motion_at(centre_e)
+        return replace(drift, drift=drift.drift + drift.axes_l @ at_centre)
+
+    def _more_late(self, found: ScanDrift) -> float:
+        """Time by which the looks are later than the filter assumes, if the drift has no other cause [s]."""
+        if len(found.axes_l) < 2:
+            return 0.0
+        motion_l = self.frame.mat_le @ self.motion_at(self.frame.origin_e + self.frame.mat_le.T @ found.centre_l)
+        rest = found.drift - found.axes_l @ (self._expected_l + self._known_late * motion_l)
+        weighted = np.linalg.solve(found.cov, found.axes_l @ motion_l)
+        return float(weighted @ rest / (weighted @ found.axes_l @ motion_l))
+
+
+def _uncertainty(found: ScanDrift) -> tuple[int, float]:
+    """Directions that are not determined, and the sum of the variances of the others [m^2]."""
+    return 3 - len(found.axes_l), float(np.trace(found.cov))
 
 
 def _place(placed: _PlacedImage, frame: LocalFrame, now_ns: int) -> Look:
@@ -152,9 +221,12 @@ def _place(placed: _PlacedImage, frame: LocalFrame, now_ns: int) -> Look:
     return place_look(origins_l, image.directions_b @ mat_lb.T, image.ranges, t, image.sd)
 
 
-def _expected_drift(estimate: Estimate, first: LookMark, second: LookMark, middle_e: Array) -> tuple[Array, float]:
+def _expected_drift(
+    estimate: Estimate, first: _PlacedImage, second: _PlacedImage, middle_e: Array
+) -> tuple[Array, float]:
     """The drift that the filter expects, e [m], and its largest horizontal sigma [m]."""
-    zero = LookDrift(first, second, middle_e, np.eye(3), np.zeros(3), np.eye(3))
+    motion_e = second.motion_at(middle_e) - first.motion_at(middle_e)
+    zero = LookDrift(first.mark, second.mark, middle_e, np.eye(3), np.zeros(3), np.eye(3), motion_e=motion_e)
     innovation, H, _ = zero.compute_matrices(estimate)
     level = estimate.mat_en.T[:2] @ H
     cov = level @ estimate.P @ level.T

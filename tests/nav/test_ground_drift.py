@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import functools
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +22,8 @@ from fti.messages.measurements import RangeScan, Stamp
 from fti.messages.outputs import Event, FilterSolution, GroundDrift, Output
 from fti.messages.reasons import Reason
 from fti.nav import ground_drift
+from fti.nav.filter import look_mark
+from fti.nav.filter.error_states import Drift
 from fti.nav.filter.navigator import InertialNavigator
 from fti.nav.ground_drift import Calibration
 from fti.nav.pipeline import Pipeline
@@ -84,11 +87,14 @@ def ranges(t: Array | float, rays_n: Array, ground: Callable[[Array, Array], Arr
 class Imager:
     """An imager with errors.
 
-    yaw : of its mounting [rad];  scale : of its ranges;  ground : height at north, east [m]
+    yaw, roll : of its mounting [rad];  late : time from a measurement to its stamp [s]
+    scale : of its ranges;  ground : height at north, east [m]
     lasts : whether there is a scan at a time [s];  has_returns : whether there is a return at a time [s]
     """
 
     yaw: float = 0.0
+    roll: float = 0.0
+    late: float = 0.0
     scale: float = 1.0
     ground: Callable[[Array, Array], Array] = waves
     lasts: Callable[[float], bool] = lambda _: True
@@ -102,7 +108,9 @@ class Imager:
         rays_s, rng = directions(), np.random.default_rng(k)
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         rays_n = rays_s @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        measured = self.scale * ranges(t, rays_n, self.ground) + RANGE_SD * rng.standard_normal(len(rays_s))
+        c, s = math.cos(self.roll), math.sin(self.roll)
+        rays_n = rays_n @ np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+        measured = self.scale * ranges(t - self.late, rays_n, self.ground) + RANGE_SD * rng.standard_normal(len(rays_s))
         if not self.has_returns(t):
             measured[:] = np.nan
         return [make_scan(stamp, measured, point_arrays(rays_s, np.zeros(len(rays_s))))]
@@ -112,18 +120,19 @@ Outputs = list[Output | Event]
 
 
 @contextlib.contextmanager
-def known_heading(sd: float = math.radians(0.05)) -> Iterator[None]:
-    """The filter begins with a heading as it has after turns; a flight without turns does not show it."""
+def known_sensor(sd: float = math.radians(0.05), clock_sd: float = 0.002) -> Iterator[None]:
+    """The filter begins with a heading and a clock of the scans as it has after turns; straight on it sees neither."""
     sds = math.radians(0.5), math.radians(0.5), sd
     with pytest.MonkeyPatch.context() as patch:
         original = InertialNavigator.feed_attitude
         patch.setattr(InertialNavigator, "feed_attitude", functools.partialmethod(original, sd=sds))
+        patch.setattr(look_mark, "CLOCK_DRIFT", Drift(clock_sd))
         yield
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _known_heading() -> Iterator[None]:
-    with known_heading():
+def _known_sensor() -> Iterator[None]:
+    with known_sensor():
         yield
 
 
@@ -237,11 +246,36 @@ def test_a_wrong_mounting_is_announced_with_satellites_and_never_used() -> None:
     assert not any(each.valid for each in drifts(out))
     when, text = events(out)[0]
     assert "contradict the filter" in text and when < 60.0
+    named = re.search(r"rpy_bs_deg turns it (\d\.\d) deg too far to the (left|right)", " ".join(map(str, events(out))))
+    assert named and float(named[1]) == pytest.approx(1.0, abs=0.25)
     assert Reason.CONTRADICTION in drifts(out, 60.0)[-1].reasons
 
 
+@pytest.mark.parametrize("sensor", [Imager(roll=math.radians(1.0)), Imager(late=0.05)], ids=["roll", "clock"])
+def test_straight_on_a_roll_mounting_and_a_wrong_clock_cancel(sensor: Imager) -> None:
+    """They are inside the sigma: pairs are used after the calibration, and the sigma without satellites holds."""
+    out = fly(sensor, satellites=lambda t: t < 55.0, end_s=80.0)
+    assert all(each.valid for each in drifts(out, 58.0))
+    whole = [each for each in drifts(out, 20.0) if each.directions == 3]
+    errors = np.array([[each.north, each.east, each.down] for each in whole])
+    sds = np.array([[each.north_sd, each.east_sd, each.down_sd] for each in whole])
+    assert len(whole) > 20 and (np.abs(errors) < 5.0 * np.hypot(sds, [0.2, 0.4, 0.3])).all()
+    solution = last_solution(out)
+    assert solution.horizontal_sd is not None
+    assert abs(north_error(solution)) < 3.0 * solution.horizontal_sd
+
+
+def test_before_a_roll_has_shown_the_clock_a_drift_is_not_used() -> None:
+    with known_sensor(clock_sd=0.015):
+        out = fly(Imager(late=0.05), end_s=70.0)
+    assert len(drifts(out, 20.0)) > 15
+    assert not any(each.valid for each in drifts(out))
+    assert {each.reasons for each in drifts(out, 20.0)} == {(Reason.NOT_CALIBRATED,)}
+    assert drifts(out)[-1].clock_sd == pytest.approx(0.015, rel=0.1)
+
+
 def test_without_a_known_heading_a_wrong_mounting_is_not_used() -> None:
-    with known_heading(math.radians(2.0)):
+    with known_sensor(math.radians(2.0)):
         out = fly(Imager(yaw=math.radians(1.0)), end_s=70.0)
     assert len(drifts(out, 20.0)) > 15
     assert not any(each.valid for each in drifts(out))
@@ -337,6 +371,7 @@ def test_any_cut_of_scans_of_another_length_raises_nothing() -> None:
 def test_a_calibration_needs_time_and_pairs_in_succession() -> None:
     calibration = Calibration()
     assert not any(calibration.agree(k * S) for k in range(20))  # enough pairs, too soon
+    assert not calibration.agree(60 * S, knows_clock=False)
     assert not calibration.contradict(20 * S)
     assert [calibration.agree(k * S) for k in range(21, 60, 4)] == [False] * 8 + [True, False]
     assert calibration.is_complete
@@ -352,7 +387,7 @@ def test_the_first_pair_of_a_flight_compiles_nothing() -> None:
 from fti.nav import look_pairs
 from fti.nav.filter import kernels, look_mark, navigator
 from fti.nav.scan_matching import plane_lattice, residuals, shift_search
-from tests.nav.test_ground_drift import Imager, Turntable, drifts, fly, known_heading
+from tests.nav.test_ground_drift import Imager, Turntable, drifts, fly, known_sensor
 
 used = (
     residuals.add_scores, plane_lattice._sort_by_cell, plane_lattice._fit_planes, plane_lattice.surfaces_at,
@@ -362,7 +397,7 @@ navigator.warm_up()
 look_pairs.warm_up()
 compiled = [len(kernel.signatures) for kernel in used]
 assert min(compiled) > 0, compiled
-with known_heading():
+with known_sensor():
     assert any(each.valid for each in drifts(fly(Imager(), end_s=60.0)))
 assert drifts(fly(Turntable(), end_s=20.0, exposure_s=0.2))
 assert [len(kernel.signatures) for kernel in used] == compiled

@@ -14,7 +14,18 @@ from fti.nav.filter import kernels
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.kernels import EXTRAS
-from fti.nav.filter.look_mark import COVER, SHARE, STATES, YAW, LookDrift, LookMark, carry_turns, look_drifts
+from fti.nav.filter.look_mark import (
+    CLOCK,
+    COVER,
+    SHARE,
+    STATES,
+    YAW,
+    LookDrift,
+    LookMark,
+    SensorReset,
+    carry_turns,
+    look_drifts,
+)
 from fti.nav.filter.navigator import InertialNavigator
 from fti.nav.inertial.ins_error_model import ACCEL, TURN, VEL
 
@@ -59,7 +70,8 @@ class Geometry:
         axes = np.eye(3) if axes is None else axes
         drift = axes @ (self.seen(1) - self.seen(0))
         centre = 0.5 * (self.seen(0) + self.seen(1))
-        return LookDrift(self.marks[0], self.marks[1], centre, axes, drift, 0.01 * np.eye(len(axes)), 2.4)
+        motion_e = np.array([3.0, -20.0, 7.0])
+        return LookDrift(self.marks[0], self.marks[1], centre, axes, drift, 0.01 * np.eye(len(axes)), 2.4, motion_e)
 
     def truth(self) -> Estimate:
         """A filter without errors at the second look, whose first look is marked."""
@@ -94,7 +106,7 @@ def test_the_rows_are_the_derivatives() -> None:
     used = np.flatnonzero(np.abs(H).sum(axis=0))
     look = MODEL.columns["look0.position_x"]
     assert set(used) == {*range(3), *range(TURN, ACCEL), *range(look, look + STATES),
-                         *(MODEL.columns[name] for name in (SHARE, COVER, YAW))}  # fmt: skip
+                         *(MODEL.columns[name] for name in (SHARE, COVER, YAW, CLOCK))}  # fmt: skip
 
 
 def test_a_mark_copies_position_and_attitude_with_their_covariance() -> None:
@@ -144,6 +156,47 @@ def test_a_range_scale_and_a_mounting_angle_are_explained(seed: int) -> None:
         y[EXTRAS + MODEL.columns[name] - MODEL.base] = value
     innovation, _, _ = measured.compute_matrices(Estimate(0, y, truth.P, truth.imu, MODEL))
     assert np.abs(innovation).max() < 0.02
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_late_clock_is_explained(seed: int) -> None:
+    """Both looks are measured 20 ms before their stamps, the second one in a roll of 0.3 rad/s.
+
+    The oracle is the place and the attitude of then.  1.8 m a pair; the rest is the roll acceleration of nothing, and
+    the products of metres and milliradians.
+    """
+    late, rng = 0.02, np.random.default_rng(seed)
+    geometry = Geometry(rng)
+    vels, rates_b = [geometry.start.mat_en @ v for v in ([170.0, 5.0, -1.0], [168.0, 9.0, 2.0])], np.zeros((2, 3))
+    rates_b[1] = 0.3, 0.02, 0.05
+    seen, motions = [], []
+    for look, mark in enumerate(geometry.marks):
+        place = geometry.x[look] - late * vels[look]
+        mat = geometry.mats[look] @ turn_of(-late * rates_b[look])
+        seen.append(mark.x_e + mark.mat_eb @ mat.T @ (geometry.ground - place))
+        rate_e, away = geometry.mats[look] @ rates_b[look], geometry.ground - geometry.x[look]
+        motions.append(vels[look] + np.cross(rate_e, away))
+    measured = replace(geometry.measured(), drift=seen[1] - seen[0], motion_e=motions[1] - motions[0])
+    truth = geometry.truth()
+    assert np.linalg.norm(measured.compute_matrices(truth)[0]) > 1.0
+    y = truth.y.copy()
+    y[EXTRAS + MODEL.columns[CLOCK] - MODEL.base] = late
+    innovation, _, _ = measured.compute_matrices(Estimate(0, y, truth.P, truth.imu, MODEL))
+    assert np.abs(innovation).max() < 0.03
+
+
+def test_a_reset_forgets_the_errors_of_the_sensor_only() -> None:
+    geometry = Geometry(np.random.default_rng(3))
+    truth, columns = geometry.truth(), [MODEL.columns[name] for name in (SHARE, COVER, YAW, CLOCK)]
+    y = truth.y.copy()
+    y[EXTRAS + np.array(columns) - MODEL.base] = 1e-3
+    P = np.cov(np.random.default_rng(4).standard_normal((MODEL.size, 200)))
+    reset = SensorReset().copy_states(Estimate(0, y, P, truth.imu, MODEL))
+    assert [reset.drift(name) for name in (SHARE, COVER, YAW, CLOCK)] == [0.0] * 4
+    assert [reset.drift_sd(name) for name in (YAW, CLOCK)] == pytest.approx([np.radians(0.2), 0.015])
+    others = np.delete(np.arange(MODEL.size), columns)
+    assert (reset.P[np.ix_(others, others)] == P[np.ix_(others, others)]).all()
+    assert np.abs(reset.P[columns][:, others]).max() == 0.0
 
 
 def test_the_land_cover_shifts_looks_along_the_track_as_much_as_it_is_rough() -> None:

@@ -12,7 +12,7 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.kernels import EXTRAS
-from fti.nav.filter.look_mark import STATES, look_drifts
+from fti.nav.filter.look_mark import CLOCK, STATES, look_drifts
 from fti.nav.look_pairs import LookPairs, RangeImage
 
 MODEL = FilterModel(extras=look_drifts(2))
@@ -40,9 +40,14 @@ def image(frame: LocalFrame, x_e: Array, mat_eb: Array, rng: Rng) -> RangeImage:
     return RangeImage(ranges + RANGE_SD * rng.standard_normal(len(rays)), directions_b, RANGE_SD)
 
 
-def at(x_e: Array, mat_eb: Array, t_ns: int, look: Array) -> Estimate:
-    """A filter at this pose that has marked the first look, with these states: displacement [m] and turn [rad]."""
-    start = START.estimate(t_ns, np.zeros(6), MODEL)
+def at(x_e: Array, mat_eb: Array, t_ns: int, look: Array, rate_b: Array | None = None) -> Estimate:
+    """A filter at this pose that has marked the first look, with these states: displacement [m] and turn [rad].
+
+    rate_b : measured angular rate [rad/s]; None: zero
+    """
+    imu = np.zeros(6)
+    imu[3:] = 0.0 if rate_b is None else rate_b
+    start = START.estimate(t_ns, imu, MODEL)
     y = start.y.copy()
     y[:3], y[6:10] = x_e, quat_from_mat(mat_eb)
     column, P = MODEL.columns["look0.position_x"], start.P.copy()
@@ -75,3 +80,52 @@ def test_a_correction_between_the_looks_turns_the_first_one_too(seed: int) -> No
     assert np.abs(aiding.drift).max() > 0.3
     assert (np.abs(innovation) < 4.0 * np.sqrt(np.diag(cov))).all()
     assert np.sqrt(np.diag(cov)).max() < 0.05
+
+
+def turned(mat_eb: Array, rate_b: Array, seconds: float) -> Array:
+    """An attitude after a rotation at a constant rate, from the series of the rotation to the second power."""
+    x, y, z = seconds * rate_b
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(mat_eb @ (np.eye(3) + skew + skew @ skew / 2.0))
+
+
+@pytest.mark.parametrize(("roll_rate", "pitch_rate"), [(0.08, 0.0), (-0.06, 0.0), (0.0, 0.05)])
+def test_looks_that_are_stamped_late_are_explained_by_the_clock(roll_rate: float, pitch_rate: float) -> None:
+    """50 ms late: level at the first look, in a roll at the second one.  The oracle is where the aircraft was before.
+
+    The images are those of the poses 50 ms earlier.  The roll of 4 mrad in them twists the second look: the drift is
+    that of the clock to a quarter.  The motion is the difference quotient of a point that moves with the aircraft.
+    """
+    late, rate_b = 0.05, np.array([roll_rate, pitch_rate, 0.0])
+    frame, start = LocalFrame(START.lat, START.lon, START.alt), START.estimate(0, np.zeros(6), MODEL)
+    vel_e, rng = 170.0 * start.mat_en[:, 0], np.random.default_rng(3)
+    level, banked = start.mat_en, start.mat_en @ mat_from_rpy(0.03, 0.01, 0.0)
+    places = start.y[:3], start.y[:3] + vel_e
+    pairs = LookPairs(1)
+    pairs.feed(at(places[0], level, 0, np.zeros(6)), image(frame, places[0] - late * vel_e, level, rng))
+    second = at(places[1], banked, 1_000_000_000, np.zeros(6), rate_b)
+    before = turned(banked, rate_b, -late)
+    aiding = pairs.feed(second, image(frame, places[1] - late * vel_e, before, rng)).aiding
+    assert aiding is not None and len(aiding.drift) == 3
+    centre_b = banked.T @ (aiding.centre_e - places[1])
+    rolled = (turned(banked, rate_b, 1e-3) - turned(banked, rate_b, -1e-3)) @ centre_b / 2e-3
+    assert aiding.motion_e == pytest.approx(rolled, abs=1e-3)
+    unknown, _, _ = aiding.compute_matrices(second)
+    assert np.linalg.norm(unknown) > 0.7 * late * np.linalg.norm(rate_b) * 300.0
+    known = second.y.copy()
+    known[EXTRAS + MODEL.columns[CLOCK] - MODEL.base] = late
+    rest, _, _ = aiding.compute_matrices(Estimate(second.t_ns, known, second.P, second.imu, MODEL))
+    assert np.linalg.norm(rest) < 0.3 * np.linalg.norm(unknown)
+
+
+def test_the_clock_cancels_straight_on() -> None:
+    """Both looks move alike: a second of lateness would be less than a centimetre a pair."""
+    frame, start = LocalFrame(START.lat, START.lon, START.alt), START.estimate(0, np.zeros(6), MODEL)
+    places, rng = (start.y[:3], start.y[:3] + 170.0 * start.mat_en[:, 0]), np.random.default_rng(4)
+    pairs = LookPairs(1)
+    for k, place in enumerate(places):
+        result = pairs.feed(
+            at(place, start.mat_en, k * 1_000_000_000, np.zeros(6)), image(frame, place, start.mat_en, rng)
+        )
+    assert result.aiding is not None
+    assert np.abs(result.aiding.effects_of_errors(at(places[1], start.mat_en, 0, np.zeros(6)))[CLOCK]).max() < 0.01

@@ -10,12 +10,16 @@ others.  d and psi are those states, relative to the pose that placed the look; 
 
     d_mark = x(t_look) - x_pose,   psi_mark = turn from the pose's attitude to that of t_look,   d/dt = 0
 
-Three slow states are errors of the sensor: a constant share of the ranges (their scale); a share of the roughness of
+Four slow states are errors of the sensor: a constant share of the ranges (their scale); a share of the roughness of
 the ground, by which the looks differ along the track because they see rough ground and woods from opposite sides, and
-which changes with the land cover; and the angle of its mounting about the axis z of the body, which moves the second
-look across the track.
+which changes with the land cover; the angle of its mounting about the axis z of the body, which moves the second look
+across the track; and the time by which its stamps are late.  A look that is stamped late is placed with a later pose:
+a point moves with the aircraft, as if it were fixed to it.
 
     ds += (share + cover roughness / |r|) (r_2 - r_1) + angle (z_2 x r_2 - z_1 x r_1),    r the mean of both
+    ds += late (v_2 + omega_2 x r_2 - v_1 - omega_1 x r_1)
+
+In straight flight, and in a turn at constant roll, both looks move alike and the time cancels; a roll shows it.
 
 Only a drift is measured: a turn of everything about the vertical changes nothing, and no number of looks may determine
 the heading.  Turned by psi, a position errs by psi x x and a velocity by psi x v.  So that the covariance remains one
@@ -33,7 +37,7 @@ Barrau, Bonnabel 2017 (invariant extended Kalman filter); Hesch et al. 2014 (fal
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -43,6 +47,7 @@ from fti.nav.filter.aiding import NO_AXES, LastingErrors, enter_drift, skew
 from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.error_states import LOOK, Drift
 from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.exclusion import reset_states
 from fti.nav.filter.kernels import EXTRAS
 from fti.nav.filter.position_mark import MARK_DRIFT, StateCopy, clone
 from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
@@ -51,8 +56,9 @@ from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
 STATES = 6
 #: Names of drifts and of marks in the filter; devices name no quantity so.
 SCAN_DRIFT, SCAN_MARK = "scan.drift", "scan.mark"
-#: Share of the ranges, share of the roughness, and mounting about body z [rad], by their names.
-SHARE, COVER, YAW = "scan_share", "scan_cover", "scan_yaw"
+#: Share of the ranges, share of the roughness, mounting about body z [rad], and lateness of the times [s], by their
+#: names.
+SHARE, COVER, YAW, CLOCK = SENSOR_ERRORS = "scan_share", "scan_cover", "scan_yaw", "scan_clock"
 #: Air delays light by 2.8e-4 of the way at sea level; a range that is not corrected is so much too long.
 SHARE_DRIFT = Drift(3e-4)
 #: 0.017 m in a pair of 170 m from 300 m above ground with a roughness of 2.5 m, 0.009 m from one such ground to the
@@ -62,12 +68,15 @@ COVER_DRIFT = Drift(0.015, length_m=10e3)
 MIN_DISTANCE_M = 1.0
 #: Mounting that was surveyed on the ground.
 YAW_DRIFT = Drift(math.radians(0.2))
+#: Half of a frame at 30 Hz: data sheets do not state to which moment of the exposure an image belongs.
+CLOCK_DRIFT = Drift(0.015)
 
 
 def look_drifts(looks: int) -> dict[str, Drift]:
     """States of so many looks, and of the errors of the sensor."""
     names = [name for slot in range(looks) for name in _names(slot)]
-    return {**dict.fromkeys(names, MARK_DRIFT), SHARE: SHARE_DRIFT, COVER: COVER_DRIFT, YAW: YAW_DRIFT}
+    of_sensor = zip(SENSOR_ERRORS, (SHARE_DRIFT, COVER_DRIFT, YAW_DRIFT, CLOCK_DRIFT), strict=True)
+    return {**dict.fromkeys(names, MARK_DRIFT), **dict(of_sensor)}
 
 
 def carry_turns(before: Array, after: Estimate) -> None:
@@ -139,6 +148,17 @@ class LookMark(StateCopy):
         return np.concatenate((estimate.y[:VEL] - self.x_e, axis))
 
 
+@dataclass(frozen=True, slots=True)
+class SensorReset(StateCopy):
+    """Forgets the errors of the sensor: they are unknown again, as at the start."""
+
+    name: str = SCAN_MARK
+
+    def copy_states(self, estimate: Estimate) -> Estimate:
+        """The estimate with their first sigmas."""
+        return reset_states(estimate, SENSOR_ERRORS)
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class LookDrift(LastingErrors):
     """The measured drift from a marked look to the present one.
@@ -151,6 +171,8 @@ class LookDrift(LastingErrors):
     drift    : ndarray, shape (m,) [m]    computed minus true displacement along them
     cov      : ndarray, shape (m, m) [m^2]
     roughness : of the ground [m], ``ScanDrift``
+    motion_e : ndarray, shape (3,) [m/s]  velocity of the middle of the ground, were it fixed to the aircraft, at the
+        second look minus that at the first
     is_on_trial : whether it has not agreed with satellites yet
     """
 
@@ -161,6 +183,7 @@ class LookDrift(LastingErrors):
     drift: Array
     cov: Array
     roughness: float = 0.0
+    motion_e: Array = field(default_factory=lambda: np.zeros(3))
     is_on_trial: bool = False
     name: str = SCAN_DRIFT
     bounds = NO_AXES  # with a drift only, the position still drifts slowly
@@ -168,14 +191,15 @@ class LookDrift(LastingErrors):
     @property
     def own_states(self) -> tuple[str, ...]:
         """The errors of the sensor, while it is on trial."""
-        return (SHARE, COVER, YAW) if self.is_on_trial else ()
+        return SENSOR_ERRORS if self.is_on_trial else ()
 
     @property
     def is_conceivable(self) -> bool:
         """Whether all values are finite, and the covariance is positive."""
         if not (self.first.is_conceivable and self.second.is_conceivable and len(self.drift)):
             return False
-        finite = all(np.isfinite(value).all() for value in (self.centre_e, self.axes_e, self.drift, self.cov))
+        values = self.centre_e, self.axes_e, self.drift, self.cov, self.motion_e
+        finite = all(np.isfinite(value).all() for value in values)
         return finite and float(np.linalg.eigvalsh(self.cov)[0]) > 0.0
 
     def compute_matrices(self, estimate: Estimate) -> Matrices:
@@ -183,26 +207,41 @@ class LookDrift(LastingErrors):
         model = estimate.model
         column = self.first.first_column(estimate)
         then, now = self.first.states_of(estimate), self.second.error_of(estimate)
-        vectors = self.centre_e - self.first.x_e - then[:3], self.centre_e - estimate.y[:VEL]
+        vectors = self._vectors(estimate)
         rows = np.zeros((3, model.size))
         rows[:, column : column + 3] = np.eye(3)
         rows[:, column + 3 : column + STATES] = -skew(vectors[0])
         rows[:, POS:VEL] = -np.eye(3)
         rows[:, TURN:ACCEL] = skew(vectors[1])
         expected = rows[:, column : column + STATES] @ then + rows[:, POS:VEL] @ now[:3] + rows[:, TURN:ACCEL] @ now[3:]
-        longer, middle = vectors[1] - vectors[0], 0.5 * (vectors[0] + vectors[1])
-        rough = self.roughness / max(float(np.linalg.norm(middle)), MIN_DISTANCE_M)
-        aside = skew(estimate.mat_eb[:, 2]) @ vectors[1] - skew(self.first.mat_eb[:, 2]) @ vectors[0]
-        for i in range(3):
-            expected[i] += enter_drift(estimate, SHARE, rows[i], float(longer[i]))
-            expected[i] += enter_drift(estimate, COVER, rows[i], float(longer[i] * rough))
-            expected[i] += enter_drift(estimate, YAW, rows[i], float(aside[i]))
-        cov = self.cov + self.axes_e @ _second_order(estimate.P[TURN:ACCEL, TURN:ACCEL], longer) @ self.axes_e.T
+        for name, per_unit in self.effects_of_errors(estimate).items():
+            for i in range(3):
+                expected[i] += enter_drift(estimate, name, rows[i], float(per_unit[i]))
+        turned = _second_order(estimate.P[TURN:ACCEL, TURN:ACCEL], vectors[1] - vectors[0])
+        cov = self.cov + self.axes_e @ turned @ self.axes_e.T
         z, H = self.drift - self.axes_e @ expected, np.ascontiguousarray(self.axes_e @ rows)
         if not self.is_on_trial:
             return z, H, cov
         root = np.linalg.cholesky(cov)
         return np.linalg.solve(root, z), np.ascontiguousarray(np.linalg.solve(root, H)), np.eye(len(z))
+
+    def effect_of_mounting(self, estimate: Estimate, axis: int) -> Array:
+        """What a mounting that is turned about a body axis (0 to 2) adds to the drift, e, shape (3,) [m/rad]."""
+        first, second = self._vectors(estimate)
+        return np.asarray(skew(estimate.mat_eb[:, axis]) @ second - skew(self.first.mat_eb[:, axis]) @ first)
+
+    def effects_of_errors(self, estimate: Estimate) -> dict[str, Array]:
+        """What a unit of each of ``SENSOR_ERRORS`` adds to the drift, e, shape (3,) each."""
+        first, second = self._vectors(estimate)
+        longer, middle = second - first, 0.5 * (first + second)
+        rough = self.roughness / max(float(np.linalg.norm(middle)), MIN_DISTANCE_M)
+        aside = self.effect_of_mounting(estimate, 2)
+        return {SHARE: longer, COVER: rough * longer, YAW: aside, CLOCK: self.motion_e}
+
+    def _vectors(self, estimate: Estimate) -> tuple[Array, Array]:
+        """r_1 and r_2: from the aircraft at both looks to the middle of the ground, e, shape (3,) [m]."""
+        then = self.first.states_of(estimate)
+        return self.centre_e - self.first.x_e - then[:3], self.centre_e - estimate.y[:VEL]
 
 
 def _second_order(turn_cov: Array, longer: Array) -> Array:
