@@ -150,6 +150,11 @@ def check_beams(config: Config, devices: Sequence[BoundDevice]) -> None:
             raise ConfigError(f"{config.path}: device[{i}].altimeter.kind = 'multibeam': {text}")
 
 
+def gives_scans(bound: BoundDevice) -> bool:
+    """Does the device give scans, with a direction and a time of each point?"""
+    return drivers.has_turns(bound.driver) or getattr(bound.options, "array", None) is not None
+
+
 def check_scan_drift(config: Config, devices: Sequence[BoundDevice]) -> None:
     """Check that the device of ``[nav.scan_drift]`` gives looks at the ground.  Raises ConfigError."""
     settings = config.nav.scan_drift
@@ -158,7 +163,7 @@ def check_scan_drift(config: Config, devices: Sequence[BoundDevice]) -> None:
         return
     key, driver = f"{config.path}: nav.scan_drift", bound.device.driver
     array = getattr(bound.options, "array", None)
-    if not drivers.has_turns(bound.driver) and array is None:
+    if not gives_scans(bound):
         able = ", ".join(other for other in drivers.names() if drivers.has_turns(drivers.load(other)))
         text = f"{driver} gives no scans; drivers that do: {able}, and binary_struct with device.options.array"
         raise ConfigError(f"{key}.device = {settings.device!r}: {text}")

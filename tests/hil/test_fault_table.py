@@ -46,6 +46,7 @@ SAMPLES: dict[str, dict[str, Any]] = {
     "latency": {"by_s": 1.5},
     "lever_arm": {"forward_m": 5.0, "down_m": -1.0},
     "lost_header": {"count": 2, "share": 0.25},
+    "mounting": {"roll_deg": -2.0, "pitch_deg": 1.0, "yaw_deg": 1.5},
     "noise": {"quantity": "range.slant_range", "sd": 4.0},
     "ramp": {"quantity": "position.lat", "rate": 1e-6},
     "reordered": {},
@@ -103,12 +104,12 @@ def test_every_kind_of_a_device_or_a_link_can_stand_in_a_table() -> None:
 
 def test_a_table_is_equivalent_to_a_scenario(tmp_path: Path) -> None:
     expect = (
-        '[[expect]]\nchannel = "/nav/glide_slope.dots"\nat_s = 40\nvalue = 0.5\nplus = 0.2\nminus = 0.1\nwithin_s = 2\n'
+        '[[expect]]\nchannel = "/nav/glide_slope.dots"\nat_s = 60\nvalue = 0.5\nplus = 0.2\nminus = 0.1\nwithin_s = 2\n'
     )
     head = 'title = "x"\ndescription = ""\nconfig = "none.toml"\n'
     (tmp_path / "one.toml").write_text(head + "".join(as_toml(*fault) for fault in FAULTS) + expect)
     (tmp_path / "two.toml").write_text(f'{head}profile = "rows.csv"\n')
-    rows = as_table(FAULTS) + "\n40,/nav/glide_slope.dots,,,0.5,0.2,0.1,2\n"
+    rows = as_table(FAULTS) + "\n60,/nav/glide_slope.dots,,,0.5,0.2,0.1,2\n"
     (tmp_path / "rows.csv").write_text(rows)
     one, two = load(tmp_path / "one.toml"), load(tmp_path / "two.toml")
     assert two.fault == one.fault

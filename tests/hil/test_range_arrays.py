@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from fti import config
+from fti.arrays import Array
 from fti.devices import bind_devices
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.environment import Environment
 from fti.hil.sensors import SimulatedSensor, make_sensors
 from fti.hil.sensors.sent_rates import sent_rates
+from fti.hil.tables.fault_types import Fault
 from fti.hil.tables.schema import SensorSettings
 from fti.messages.measurements import RangeScan
 from fti.ranging.scan_points import scan_points
@@ -48,6 +52,41 @@ def over_the_line(name: str, there: Environment) -> tuple[list[float], list[Rang
     return begins, scans
 
 
+def level_ranges(there: Environment, t: Array, directions_b: Array) -> Array:
+    """Ranges (n,) [m] to the level ground at t (n,) [s] along directions (n, 3)."""
+    state = there.state(t)
+    # The plane of the frame is the ground; the vertical of the aircraft is tilted by 0.5 mrad against it.
+    frame = there.terrain.frame
+    mat_lb = frame.mat_ln(state.lat, state.lon) @ mat_from_rpy(state.roll, state.pitch, state.heading)
+    up = np.einsum("nj,nj->n", mat_lb[:, 2], directions_b)
+    return np.asarray(-frame.to_local(state.lat, state.lon, state.alt)[:, 2] / up)
+
+
+@pytest.mark.parametrize(
+    ("fault", "late_s", "angles_deg"),
+    [
+        ({"kind": "latency", "by_s": 0.35}, 0.35, (0.0, 0.0, 0.0)),
+        ({"kind": "mounting", "roll_deg": 4.0, "pitch_deg": -3.0, "yaw_deg": 30.0}, 0.0, (4.0, -3.0, 30.0)),
+    ],
+)
+def test_images_of_a_wrong_time_and_of_a_wrong_mounting(
+    fault: dict[str, Any], late_s: float, angles_deg: tuple[float, float, float]
+) -> None:
+    """From 1 s on: ranges of earlier, to a fraction of the time between images, or along turned directions."""
+    table = {"devices": ("imager",), "from_s": 1.0, "to_s": 9.0, **fault}
+    there = world(3.0, 3000.0, fault=(TypeAdapter(Fault).validate_python(table),))
+    begins, scans = over_the_line("imager", there)
+    turn = mat_from_rpy(*np.radians(angles_deg))
+    for begin, points in zip(begins, map(scan_points, scans), strict=True):
+        is_faulty, directions = begin >= 1.0, points.directions_s.astype(float)
+        true = directions @ turn.T if is_faulty else directions
+        t = np.minimum(points.times_ns * 1e-9, there.duration) - late_s * is_faulty
+        level = level_ranges(there, t, true)
+        error = (points.ranges - level)[(level < 299.0) & (points.times_ns * 1e-9 <= there.duration)]
+        assert abs(error.mean()) < 0.01 and np.std(error) == pytest.approx(0.05, rel=0.1)
+    assert sum(begin >= 1.0 for begin in begins) >= 3
+
+
 @pytest.mark.parametrize(("name", "points", "count"), [("imager", 5625, 6), ("lines", 200, 150)])
 def test_every_point_is_the_range_from_the_pose_at_its_time(name: str, points: int, count: int) -> None:
     there = environment()
@@ -56,14 +95,7 @@ def test_every_point_is_the_range_from_the_pose_at_its_time(name: str, points: i
     found = [scan_points(scan) for scan in scans]
     t, ranges = np.concatenate([p.times_ns for p in found]) * 1e-9, np.concatenate([p.ranges for p in found])
     directions = np.concatenate([p.directions_s for p in found]).astype(float)
-    now = np.minimum(t, there.duration)
-    state = there.state(now)
-    frame = (
-        there.terrain.frame
-    )  # its plane is the ground; the vertical of the aircraft is tilted by 0.5 mrad against it
-    mat_lb = frame.mat_ln(state.lat, state.lon) @ mat_from_rpy(state.roll, state.pitch, state.heading)
-    up = np.einsum("nj,nj->n", mat_lb[:, 2], directions)
-    level = -frame.to_local(state.lat, state.lon, state.alt)[:, 2] / up
+    level = level_ranges(there, np.minimum(t, there.duration), directions)
     error = (ranges - level)[(level < 299.0) & (t <= there.duration)]
     assert np.abs(error).max() < 0.05 * 6 + 0.005 and np.std(error) == pytest.approx(0.05, rel=0.05)
     assert begins == pytest.approx([p.times_ns[0] * 1e-9 for p in found])

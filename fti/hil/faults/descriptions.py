@@ -31,6 +31,7 @@ DESCRIPTIONS: Mapping[FaultKind, str] = {
     FaultKind.SWAPPED_COORDINATES: "latitude and longitude exchanged",
     FaultKind.UNDULATION: "height without the undulation, {stated}",
     FaultKind.LEVER_ARM: "mounted {forward_m:+g} m forward, {right_m:+g} m right, {down_m:+g} m down",
+    FaultKind.MOUNTING: "mounting off: roll {roll_deg:+g}, pitch {pitch_deg:+g}, yaw {yaw_deg:+g} deg",
     FaultKind.ATTITUDE_OFFSET: "attitude off: roll {roll_deg:+g}, pitch {pitch_deg:+g}, heading {heading_deg:+g} deg",
     FaultKind.INERTIAL_BIAS: "biases step by {gyro_degph} deg/h and {accel_mg} mg",
     FaultKind.LATENCY: "latency {by_s:g} s",

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from fti.geodesy.formulas import wrap_half_turn
 from fti.hil.tables.fault_types import AttitudeOffset, Latency, SwappedCoordinates, Undulation
 from fti.hil.tables.quantity_names import NAME_FIELDS
-from fti.messages.measurements import Attitude, Measurement, Position, Reading
+from fti.messages.measurements import Attitude, Measurement, Position, RangeScan, Reading
 
 NavigationFault = SwappedCoordinates | Undulation | AttitudeOffset
 MAGNETIC_HEADING = "magnetic_heading"
@@ -48,7 +48,10 @@ def _turn_attitude(m: Measurement, fault: AttitudeOffset) -> Measurement:
 
 
 class DelayLine:
-    """Delays the values, separately for each kind of measurement and name."""
+    """Delays the values, separately for each kind of measurement and name.
+
+    Scans are left as they are: their models measure them earlier (``fti.hil.sensors.base``).
+    """
 
     def __init__(self, fault: Latency) -> None:
         self._by_s = fault.by_s
@@ -57,8 +60,11 @@ class DelayLine:
     def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
         """The newest values measured at or before t - by_s [s], else the first values; with new timestamps."""
         seen: Counter[Hashable] = Counter()
-        found = []
+        found: list[Measurement] = []
         for m in measurements:
+            if isinstance(m, RangeScan):
+                found.append(m)
+                continue
             kind = (type(m), *(getattr(m, field, None) for field in NAME_FIELDS))
             seen[kind] += 1
             past = self._past.setdefault((kind, seen[kind]), deque())

@@ -11,6 +11,7 @@ from fti.hil.oracle.flag_definitions import (
     CLOCK_LEARN_S,
     CLOCK_RELEARN_S,
     DISAGREE_WORDS,
+    GROUND_DRIFT,
     HEALTH_S,
     HEIGHT,
     HEIGHT_EXCLUSION_S,
@@ -38,6 +39,7 @@ from fti.hil.oracle.flag_definitions import (
     monitor_recovery_s,
 )
 from fti.hil.oracle.ground_flags import fog_flags, gnss_offset_flags, stuck_flags, wrong_value_flags
+from fti.hil.oracle.scan_drift_flags import scan_fault_flags
 from fti.hil.oracle.source_flags import INDISTINGUISHABLE, expected_source_flags
 from fti.hil.oracle.truth_checked_faults import SourceFault
 from fti.hil.tables import fault_types
@@ -215,14 +217,14 @@ RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
     (QuantityFault, wrong_value_flags),
     (fault_types.GnssDegraded, _degraded_flags),
     (fault_types.GnssOffset, gnss_offset_flags),
+    (fault_types.Mounting | fault_types.Latency, scan_fault_flags),
     (fault_types.LeverArm, _undetected_rule("a wrong mounting position is not detectable")),
     (
         fault_types.GnssRamp
         | fault_types.SwappedCoordinates
         | fault_types.Undulation
         | fault_types.AttitudeOffset
-        | fault_types.InertialBias
-        | fault_types.Latency,
+        | fault_types.InertialBias,
         _undetected_rule(INDISTINGUISHABLE),
     ),
     (fault_types.Fog, fog_flags),
@@ -247,6 +249,7 @@ HEALTH_WORDS: Sequence[tuple[Any, tuple[str, ...]]] = (
         | fault_types.Fog
         | fault_types.GnssDegraded
         | fault_types.GnssOffset
+        | fault_types.Mounting
         | SourceFault,
         ("invalid",),
     ),
@@ -286,6 +289,9 @@ def consequences(case: FaultCase, *in_health: str) -> Iterator[FlagAllowance]:
         for other in craft.filter_altimeters:  # a correct one contradicts a filter with a wrong position
             yield FlagAllowance(f"{HEIGHT}/{other}", begin, end + age + craft.FIX_S + HEIGHT_EXCLUSION_S, ("excluded",))
             yield FlagAllowance(NAV_EVENT, begin, end + age + craft.FIX_S + HEIGHT_EXCLUSION_S)
+    if craft.scan_drift and name in {craft.scan_drift, craft.filter_imu, *craft.sources}:
+        # the pairs may contradict until the next calibration, which needs a turn
+        yield from (FlagAllowance(place, begin, case.truth.end_s) for place in (GROUND_DRIFT, NAV_EVENT))
     if name in craft.altimeters or name in craft.sources:
         until_s = end + age + craft.FIX_S + monitor_recovery_s(craft)
         yield FlagAllowance(INTEGRITY, begin, until_s)

@@ -31,6 +31,7 @@ SUBJECTS: tuple[tuple[Any, str], ...] = (
     (fault_types.SwappedCoordinates, "devices that send a latitude and a longitude"),
     (fault_types.Undulation, "devices that send a height above the ellipsoid, or an undulation"),
     (fault_types.LeverArm, "devices that send a position, a velocity or a range"),
+    (fault_types.Mounting, "devices that measure a range along a direction"),
     (fault_types.AttitudeOffset, "devices that send the angle"),
     (fault_types.InertialBias, "devices that send the angular rate or the specific force of the axis"),
     (fault_types.Fog, "devices; of these only laser altimeters are affected"),

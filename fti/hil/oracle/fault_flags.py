@@ -8,6 +8,7 @@ place                                words
                                      terrain_edge, terrain_hole: no known terrain for a comparison
 /nav/nav_solution                    its reasons; "position not from D", "attitude not from D": D is the first source;
                                      "position from filter", "position from radio": no device gives one
+/nav/ground_drift                    contradiction: the device of the looks has a wrong mounting, clock or range
 /nav/clearance_integrity             unavailable, caution, alert, and the reasons
 /fti/health/devices/D                silent, noise, invalid, wrong rate; "damaged bytes" while bytes are rejected;
                                      "clock away" while its time is inconsistent

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 
 HEIGHT, SOLUTION, INTEGRITY = "/nav/height_above_ground", "/nav/nav_solution", "/nav/clearance_integrity"
-NAV_EVENT = "/fti/event/nav"
+NAV_EVENT, GROUND_DRIFT = "/fti/event/nav", "/nav/ground_drift"
 DEVICES, LINKS, LEDGER = "/fti/health/devices", "/fti/health/links", "/fti/ledger"
 #: Latency from a cause to an output of navigation: device, tick, output at 25 Hz [s].
 NAV_S = 0.3

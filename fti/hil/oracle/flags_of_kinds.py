@@ -14,6 +14,7 @@ from fti.hil.oracle.flag_definitions import (
     CONTRADICTION_MPS,
     CONTRADICTION_S,
     DEVIATION_M,
+    GROUND_DRIFT,
     HEIGHT,
     INTEGRITY,
     MIN_CLOCK_ERROR_S,
@@ -26,6 +27,7 @@ from fti.hil.oracle.flag_definitions import (
     STUCK_S,
     STUCK_SHARE,
 )
+from fti.hil.oracle.scan_drift_flags import ANNOUNCED_S, MIN_LATE_S, MIN_YAW_DEG
 from fti.hil.oracle.source_flags import SOURCE_FLAGS
 from fti.hil.tables.fault_types import FaultKind
 
@@ -48,6 +50,10 @@ HEALTH = "/fti/health/devices/DEVICE"
 WHEN_ALTIMETER = "DEVICE is in nav.altimeters"
 WHEN_OVER_TERRAIN = (
     f"{WHEN_ALTIMETER}, [nav.terrain] is configured, and the range is wrong by more than {DEVIATION_M:g} m"
+)
+WHEN_LOOKS_TURN = (
+    f"DEVICE gives the looks of [nav.scan_drift], and the aircraft has turned while satellites are received; within "
+    f"{ANNOUNCED_S:g} s of the end of the first turn"
 )
 WHEN_OVER_OBSTACLE = (
     f"the aircraft flies over it, it is {OBSTACLE_M:g} m high or more, and [nav.approach] is configured"
@@ -147,9 +153,14 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.SWAPPED_COORDINATES: _source_flags(FaultKind.SWAPPED_COORDINATES),
     FaultKind.UNDULATION: _source_flags(FaultKind.UNDULATION),
     FaultKind.LEVER_ARM: (),
+    FaultKind.MOUNTING: (
+        KindFlag(GROUND_DRIFT, ("contradiction",), f"yaw_deg is {MIN_YAW_DEG:g} or more, {WHEN_LOOKS_TURN}"),
+    ),
     FaultKind.ATTITUDE_OFFSET: _source_flags(FaultKind.ATTITUDE_OFFSET),
     FaultKind.INERTIAL_BIAS: (),
-    FaultKind.LATENCY: (),
+    FaultKind.LATENCY: (
+        KindFlag(GROUND_DRIFT, ("contradiction",), f"by_s is {MIN_LATE_S:g} or more, {WHEN_LOOKS_TURN}"),
+    ),
     FaultKind.CLOCK_JUMP: (
         KindFlag(HEALTH, ("clock away",), f"by_s is {MIN_CLOCK_ERROR_S:g} s or more"),
         *_source_flags(FaultKind.CLOCK_JUMP),
@@ -188,6 +199,8 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
 
 #: Conditions in which a detectable kind of fault raises no flag.
 NO_FLAG: Mapping[FaultKind, str] = {
+    FaultKind.MOUNTING: "the device gives no looks of [nav.scan_drift], or the aircraft flies straight on",
+    FaultKind.LATENCY: "the device gives no looks of [nav.scan_drift], or the aircraft flies straight on",
     FaultKind.OBSTACLE: "the aircraft does not fly over it",
     FaultKind.OFF_TRACK: "the aircraft stays within nav.approach.y_max_m, or no approach is monitored",
     FaultKind.FOG: "the device is not a laser altimeter, or the ground is nearer than visibility_m or out of its range",

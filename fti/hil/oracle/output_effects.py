@@ -49,6 +49,7 @@ from fti.hil.tables.fault_types import (
     GnssDegraded,
     GnssOffset,
     LostHeader,
+    Mounting,
     Obstacle,
     OffTrack,
     Reordered,
@@ -66,7 +67,7 @@ HARMLESS_FAULTS = GnssDegraded
 #: Faults with wrong values, wrong timestamps, or confused messages.
 WRONG_VALUE_FAULTS = (
     Stuck | Freeze | QuantityFault | Fog | GnssOffset | ClockJump | ClockDrift | Burst | Reordered
-    | BitErrors | LostHeader | Truncated | WrongLabel | SourceFault
+    | BitErrors | LostHeader | Truncated | WrongLabel | Mounting | SourceFault
 )  # fmt: skip
 #: Time until a returning device has its fix, its clock and its rate again [s].
 RECOVERY_S = 2.0

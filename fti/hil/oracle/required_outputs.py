@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from fti.config import Config, Device, Nav, position_sources
-from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
+from fti.hil.oracle.flag_definitions import GROUND_DRIFT, HEIGHT, INTEGRITY, SOLUTION
 from fti.nav.integrity.reference import ApproachReference, fits
 
 GLIDE, LOCATION = "/nav/glide_slope", "/nav/location"
 VALIDITY = "/nav/source_validity"
 HEIGHT_BELOW = "/nav/height_below_aircraft"
 FILTER, VERTICAL, FIX = "/nav/filter_solution", "/nav/vertical_solution", "/nav/position_fix"
-GROUND_FIX, GROUND_DRIFT = "/nav/terrain_fix", "/nav/ground_drift"
+GROUND_FIX = "/nav/terrain_fix"
 SOLUTION_HZ, FILTER_HZ, FIX_HZ = 25.0, 5.0, 2.0
 #: Repetition rate of unchanged outputs; maximum update rates of the monitor and of the validity of a source [Hz].
 REPEAT_HZ, MONITOR_HZ, VALIDITY_HZ = 2.0, 5.0, 10.0

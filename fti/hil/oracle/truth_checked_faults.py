@@ -19,6 +19,7 @@ from fti.hil.tables.fault_types import (
     InertialBias,
     Latency,
     LeverArm,
+    Mounting,
     Reordered,
     Scale,
     Stuck,
@@ -32,7 +33,7 @@ SourceFault = (
     GnssRamp | SwappedCoordinates | Undulation | LeverArm | AttitudeOffset | InertialBias | Latency | Scale
     | TerrainShift
 )  # fmt: skip
-TruthCheckedFault = SourceFault | ClockDrift | BitErrors | Reordered | Babbling
+TruthCheckedFault = SourceFault | Mounting | ClockDrift | BitErrors | Reordered | Babbling
 #: Truth-checked only on a source of position or attitude; on other devices they raise other flags.
 TruthCheckedSourceFault = Stuck | GnssOffset | ClockJump
 ATTITUDE = "attitude."

@@ -18,18 +18,18 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.constants import SECOND_NS
-from fti.devices import BoundDevice
+from fti.devices import BoundDevice, gives_scans
 from fti.drivers import Encoder
 from fti.errors import ConfigError
 from fti.formats.quantities import UNITS
-from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.rotations import mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import displace
 from fti.hil.environment import Environment
 from fti.hil.faults.applicability import applies_to
 from fti.hil.flight.trajectory import FlightState
-from fti.hil.tables.fault_types import LeverArm
+from fti.hil.tables.fault_types import Latency, LeverArm, Mounting
 from fti.hil.tables.schema import SensorSettings
-from fti.messages.measurements import Measurement, Reading, Stamp, TimeScale
+from fti.messages.measurements import Measurement, RangeScan, Reading, Stamp, TimeScale
 
 DRIFT_PPM_SD = 20.0
 JITTER_SD_MS = 0.3
@@ -143,32 +143,63 @@ def velocity_at(state: FlightState, lever_arm_b: tuple[float, float, float]) -> 
     return np.asarray(state.vel_n + np.einsum("nij,nj->ni", mat_nb, rotation_b))
 
 
-class MisplacedModel:
-    """Two models of one device with the same random errors: at its configured position, and at the true one.
+class FaultyModel:
+    """Two models of one device with the same random errors: as it is configured, and as it is.
 
-    misplaced : at the true position, for samples with ``is_misplaced``, shape (n,)
+    faulty : as it is, for samples with ``is_faulty``, shape (n,)
     """
 
-    def __init__(self, configured: SensorModel, misplaced: SensorModel, is_misplaced: Sequence[bool]) -> None:
-        self._configured, self._misplaced, self._is_misplaced = configured, misplaced, is_misplaced
+    def __init__(self, configured: SensorModel, faulty: SensorModel, is_faulty: Sequence[bool]) -> None:
+        self._configured, self._faulty, self._is_faulty = configured, faulty, is_faulty
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """See ``SensorModel``."""
-        return (self._misplaced if self._is_misplaced[k] else self._configured).measure(k, stamp)
+        return (self._faulty if self._is_faulty[k] else self._configured).measure(k, stamp)
+
+
+class EarlierScans:
+    """The measurements of a model, with the scans of another one that measures earlier."""
+
+    def __init__(self, model: SensorModel, earlier: SensorModel) -> None:
+        self._model, self._earlier = model, earlier
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """See ``SensorModel``."""
+        others = [m for m in self._model.measure(k, stamp) if not isinstance(m, RangeScan)]
+        return others + [m for m in self._earlier.measure(k, stamp) if isinstance(m, RangeScan)]
+
+
+ModelFault = LeverArm | Mounting | Latency
 
 
 def make_model(
     kind: SensorModelType, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator
 ) -> SensorModel:
-    """The model of a device at the times t, shape (n,) [s], with the faults of its lever arm."""
-    faults = [f for f in world.scenario.fault if isinstance(f, LeverArm) and applies_to(f, bound)]
+    """The model of a device at the times t, shape (n,) [s], with the faults of its mounting and of its scans."""
+    faults = [f for f in world.scenario.fault if isinstance(f, ModelFault) and applies_to(f, bound)]
+    faults = [f for f in faults if not isinstance(f, Latency) or gives_scans(bound)]
     equal_rngs = [copy.deepcopy(rng) for _ in faults]
     model = kind(bound, world, t, rng)
     for fault, equal_rng in zip(faults, equal_rngs, strict=True):
-        is_misplaced = (t >= fault.from_s) & (t < fault.to_s)
-        if is_misplaced.any():
-            offset = (fault.forward_m, fault.right_m, fault.down_m)
-            arm_b = tuple(a + b for a, b in zip(bound.device.lever_arm_b, offset, strict=True))
-            device = replace(bound, device=bound.device.model_copy(update={"lever_arm_b": arm_b}))
-            model = MisplacedModel(model, kind(device, world, t, equal_rng), is_misplaced.tolist())
+        is_faulty = (t >= fault.from_s) & (t < fault.to_s)
+        if not is_faulty.any():
+            continue
+        if isinstance(fault, Latency):
+            faulty: SensorModel = EarlierScans(model, kind(bound, world, np.maximum(t - fault.by_s, 0.0), equal_rng))
+        else:
+            faulty = kind(_as_mounted(bound, fault), world, t, equal_rng)
+        model = FaultyModel(model, faulty, is_faulty.tolist())
     return model
+
+
+def _as_mounted(bound: BoundDevice, fault: LeverArm | Mounting) -> BoundDevice:
+    """The device with its true place or its true directions."""
+    device = bound.device
+    if isinstance(fault, LeverArm):
+        offset = (fault.forward_m, fault.right_m, fault.down_m)
+        update = {"lever_arm_b": tuple(a + b for a, b in zip(device.lever_arm_b, offset, strict=True))}
+    else:
+        turn = mat_from_rpy(*np.radians((fault.roll_deg, fault.pitch_deg, fault.yaw_deg)))
+        true_angles = rpy_from_mat(turn @ mat_from_rpy(*np.radians(device.rpy_bs_deg)))
+        update = {"rpy_bs_deg": tuple(math.degrees(angle) for angle in true_angles)}
+    return replace(bound, device=device.model_copy(update=update))

@@ -12,10 +12,18 @@ from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.encoding_check import Cycles, is_carried
 from fti.hil.sensors.quantity_check import first_cycles
 from fti.hil.sensors.sent_rates import encode_cycles, sent_kinds
-from fti.hil.tables.fault_types import AttitudeOffset, GnssRamp, InertialBias, LeverArm, SwappedCoordinates, Undulation
-from fti.messages.measurements import Position, RadioHeight, Range, Reading, Velocity
+from fti.hil.tables.fault_types import (
+    AttitudeOffset,
+    GnssRamp,
+    InertialBias,
+    LeverArm,
+    Mounting,
+    SwappedCoordinates,
+    Undulation,
+)
+from fti.messages.measurements import BeamRange, Position, RadioHeight, Range, RangeScan, Reading, Velocity
 
-OutputFault = GnssRamp | SwappedCoordinates | Undulation | LeverArm | AttitudeOffset | InertialBias
+OutputFault = GnssRamp | SwappedCoordinates | Undulation | LeverArm | Mounting | AttitudeOffset | InertialBias
 #: Two periods of the rarest measurement, which is sent once a second [s].
 CHECK_DURATION_S = 2.0
 POSITION_FIELDS = ("position.lat", "position.lon", "position.alt", "position.alt_msl")
@@ -24,6 +32,8 @@ RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 ACCELERATIONS = ("longitudinal_acceleration", "lateral_acceleration", "normal_acceleration")
 #: Measurements that depend on the position of a device; readings of ranges by the prefix of their names.
 POSITION_DEPENDENT, RANGES = (Position, Velocity, Range, RadioHeight), "range_"
+#: Measurements along a direction that is fixed to the device.
+DIRECTED = (Range, BeamRange, RangeScan)
 
 
 def check_fault_effects(sensors: Sequence[SimulatedSensor], world: Environment) -> None:
@@ -43,7 +53,9 @@ def _missing(fault: OutputFault, sensor: SimulatedSensor, world: Environment) ->
     """Values that a fault changes and the device does not send; "" if it sends them."""
     cycles = first_cycles(sensor, CHECK_DURATION_S, world)
     if isinstance(fault, LeverArm):
-        return "" if _depends_on_position(sensor, cycles) else "a position, a velocity or a range"
+        return "" if _sends(sensor, cycles, POSITION_DEPENDENT) else "a position, a velocity or a range"
+    if isinstance(fault, Mounting):
+        return "" if _sends(sensor, cycles, DIRECTED) else "a range along a direction"
     sent = list(encode_cycles(sensor.bound, cycles))
     for values, alternatives in _required_values(fault).items():
         if not any(is_carried(sensor, name, cycles, sent) for name in alternatives):
@@ -51,9 +63,10 @@ def _missing(fault: OutputFault, sensor: SimulatedSensor, world: Environment) ->
     return ""
 
 
-def _depends_on_position(sensor: SimulatedSensor, cycles: Cycles) -> bool:
+def _sends(sensor: SimulatedSensor, cycles: Cycles, kinds: tuple[type, ...]) -> bool:
+    """Does it send measurements of these kinds, or readings of ranges?"""
     has_ranges = any(isinstance(m, Reading) and m.name.startswith(RANGES) for cycle in cycles for m in cycle)
-    return has_ranges or any(issubclass(kind, POSITION_DEPENDENT) for kind in sent_kinds(sensor, cycles))
+    return has_ranges or any(issubclass(kind, kinds) for kind in sent_kinds(sensor, cycles))
 
 
 def _required_values(fault: OutputFault) -> Mapping[str, Sequence[str]]:

@@ -57,6 +57,7 @@ class FaultKind(StrEnum):
     SWAPPED_COORDINATES = "swapped_coordinates"
     UNDULATION = "undulation"
     LEVER_ARM = "lever_arm"
+    MOUNTING = "mounting"
     ATTITUDE_OFFSET = "attitude_offset"
     INERTIAL_BIAS = "inertial_bias"
     LATENCY = "latency"
@@ -292,6 +293,20 @@ class LeverArm(DeviceFault):
     one_not_zero = ("forward_m", "right_m", "down_m")
 
 
+class Mounting(DeviceFault):
+    """The device is turned against the mounting that the configuration states, and measures in its true directions.
+
+    The true attitude of the device in the aircraft is the configured one (`rpy_bs_deg`), turned about the axes of the
+    aircraft: first by roll, then by pitch, then by yaw.
+    """
+
+    kind: Literal["mounting"]
+    roll_deg: Annotated[TurnDeg, key("turn about the forward axis, positive: right side down", "deg")] = 0.0
+    pitch_deg: Annotated[TiltDeg, key("turn about the axis to the right, positive: front up", "deg")] = 0.0
+    yaw_deg: Annotated[TurnDeg, key("turn about the downward axis, positive: front to the right", "deg", 1.0)] = 0.0
+    one_not_zero = ("roll_deg", "pitch_deg", "yaw_deg")
+
+
 class AttitudeOffset(DeviceFault):
     """Angles of the attitude are wrong by constants; a magnetic heading is wrong with the heading."""
 
@@ -320,7 +335,8 @@ class InertialBias(DeviceFault):
 class Latency(DeviceFault):
     """The values are those of an earlier moment, with new times.
 
-    Of each kind of measurement the newest one is sent that is at least so old; before there is one, the oldest.
+    Of each kind of measurement the newest one is sent that is at least so old; before there is one, the oldest. A scan
+    is measured exactly that much earlier than its times state.
     """
 
     kind: Literal["latency"]
@@ -461,7 +477,7 @@ WorldFault = Obstacle | OffTrack | TerrainShift
 WholeFlightFault = Obstacle | TerrainShift
 ValueFault = (
     Stuck | Invalid | Bias | Ramp | Noise | WrongUnit | Scale | Forced | Fog | GnssOutage | GnssDegraded | GnssOffset
-    | GnssRamp | SwappedCoordinates | Undulation | LeverArm | AttitudeOffset | InertialBias | Latency
+    | GnssRamp | SwappedCoordinates | Undulation | LeverArm | Mounting | AttitudeOffset | InertialBias | Latency
 )  # fmt: skip
 ClockFault = ClockJump | ClockDrift
 ByteFault = (

@@ -14,7 +14,7 @@ from typing import Any
 from fti.alarms.alarm_list import AlarmChange
 from fti.config import Config
 from fti.hil.oracle.alarm_flags import COMPUTER_ALARMS
-from fti.hil.oracle.flag_definitions import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
+from fti.hil.oracle.flag_definitions import DEVICES, GROUND_DRIFT, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
@@ -31,6 +31,8 @@ from fti.service.navigation.device_monitor import NO_FRAME_REASONS
 #: Reasons that depend on the position only and are not flags: of heights, and of outputs along a profile.
 RANGE = frozenset((Reason.ABOVE_RANGE, Reason.BELOW_RANGE))
 POSITION_REASONS = RANGE | PROFILE_REASONS
+#: Reasons of a drift over the ground that are flags; the others depend on the ground and on the flight.
+DRIFT_REASONS = frozenset((Reason.CONTRADICTION,))
 #: Reasons when no device has a role.
 REASONS_OF_ROLE = {
     "attitude": (Reason.NO_ATTITUDE,),
@@ -161,9 +163,12 @@ class FlagReader:
             yield topic, _device(topic, data)
 
     def _navigation(self, topic: str, data: bytes) -> Iterator[Statement]:
-        if topic not in (SOLUTION, INTEGRITY) and not topic.startswith(HEIGHT):
+        if topic not in (SOLUTION, INTEGRITY, GROUND_DRIFT) and not topic.startswith(HEIGHT):
             return
         content = parse_table(data)
+        if topic == GROUND_DRIFT:
+            yield topic, DRIFT_REASONS.intersection(content["reasons"])
+            return
         words = frozenset(content["reasons"]) - self._missing
         if topic == SOLUTION:
             words |= frozenset(self._sources(content))

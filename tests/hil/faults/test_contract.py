@@ -85,6 +85,7 @@ BEFORE_THE_DEVICE: dict[FaultKind, tuple[str, dict[str, Any], float]] = {
     FaultKind.GNSS_OFFSET: ("nmea0183", {"from_s": FROM_S, "to_s": TO_S, "north_m": 500.0}, FROM_S),
     FaultKind.GNSS_RAMP: ("nmea0183", {"from_s": FROM_S, "to_s": TO_S, "east_mps": 20.0}, FROM_S),
     FaultKind.LEVER_ARM: ("nmea0183", {"from_s": FROM_S, "to_s": TO_S, "forward_m": 10.0}, FROM_S),
+    FaultKind.MOUNTING: ("lightware_ascii", {"from_s": FROM_S, "to_s": TO_S, "roll_deg": 20.0}, FROM_S),
     FaultKind.INERTIAL_BIAS: ("mavlink", {"from_s": FROM_S, "to_s": TO_S, "accel_mg": (9.0, 0.0, 0.0)}, FROM_S),
 }  # fmt: skip
 #: What is of links and of power acts behind the device, and is tried there.

@@ -343,6 +343,7 @@ def refused(name: str, fault: Fault) -> str:
         ("nmea0183", "undulation", {"stated": "msl_as_ellipsoid"}, "does not send a height above the ellipsoid"),
         ("novatel_oem6", "undulation", {"stated": "msl_as_ellipsoid"}, "does not send a height above the ellipsoid"),
         ("honeywell_hmr2300", "lever_arm", {"down_m": 1.0}, "does not send a position, a velocity or a range"),
+        ("ublox_ubx", "mounting", {"yaw_deg": 1.0}, "does not send a range along a direction"),
         ("ublox_ubx", "attitude_offset", {"pitch_deg": 1.0}, "does not send a pitch"),
         ("nmea0183", "inertial_bias", {"gyro_degph": (0.0, 1.0, 0.0)}, "does not send an angular rate of axis y"),
         ("ublox_ubx", "inertial_bias", {"accel_mg": (0.0, 0.0, 1.0)}, "does not send a specific force of axis z"),
@@ -373,6 +374,7 @@ def test_every_device_flies_with_every_one_of_them() -> None:
     tables: tuple[dict[str, Any], ...] = (
         {"kind": "gnss_ramp", "up_mps": 1.0}, {"kind": "swapped_coordinates"}, {"kind": "undulation"},
         {"kind": "lever_arm", "down_m": 1.0}, {"kind": "attitude_offset", "roll_deg": 1.0},
+        {"kind": "mounting", "pitch_deg": 1.0},
         {"kind": "inertial_bias", "accel_mg": (1.0, 1.0, 1.0)}, {"kind": "latency", "by_s": 0.5},
     )  # fmt: skip
     faults = tuple(MAKE.validate_python({**table, **ever}) for table in tables)

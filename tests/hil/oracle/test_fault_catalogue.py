@@ -137,11 +137,15 @@ OBSTACLE: dict[str, Any] = {"kind": "obstacle", "before_threshold_m": 2000.0, "h
 
 
 def truth() -> TruthSeries:
-    """From 4500 m before the threshold over it at 60 m/s, up and down by 45 m, beside the track for a while."""
+    """From 4500 m before the threshold over it at 60 m/s, up and down by 45 m, beside the track for a while.
+
+    The roll of the turn to the track is in it.
+    """
     t = np.arange(0.0, 300.0, 0.04)
     zero = 0.0 * t
     offset = np.where((t > 20.0) & (t < 30.0), 400.0, 0.0)
-    return TruthSeries(t, 90.0 + 45.0 * np.sin(t / 4.0), 4500.0 - 60.0 * t, offset, zero, zero, zero)
+    roll = np.where((t > 34.0) & (t < 36.0), np.radians(15.0), 0.0)
+    return TruthSeries(t, 90.0 + 45.0 * np.sin(t / 4.0), 4500.0 - 60.0 * t, offset, roll, zero, zero)
 
 
 def scenario_of(config: str, *faults: dict[str, Any]) -> Scenario:
@@ -229,5 +233,5 @@ def test_each_stated_flag_is_expected_of_some_fault_of_its_kind_and_no_other_is(
 def test_a_kind_without_flags_has_a_reason() -> None:
     assert all(kind.flags or kind.no_flag for kind in fault_kinds().values())
     assert {name for name, kind in fault_kinds().items() if not kind.flags} == {
-        "babbling", "clock_drift", "inertial_bias", "latency", "lever_arm", "reordered", "terrain_shift",
+        "babbling", "clock_drift", "inertial_bias", "lever_arm", "reordered", "terrain_shift",
     }  # fmt: skip

@@ -10,12 +10,11 @@ import numpy as np
 from fti.arrays import Array, Mask
 from fti.config import Vector
 from fti.hil.faults.applicability import applies_to
-from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION, FlagAllowance
+from fti.hil.oracle.flag_definitions import GROUND_DRIFT, HEIGHT, INTEGRITY, SOLUTION, FlagAllowance
 from fti.hil.oracle.flight_flags import flight_allowances
 from fti.hil.oracle.output_effects import Interval, OutputEffects, interval_mask
 from fti.hil.oracle.required_outputs import (
     GLIDE,
-    GROUND_DRIFT,
     GROUND_FIX,
     HEIGHT_BELOW,
     RequiredOutput,

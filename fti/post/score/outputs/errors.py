@@ -15,12 +15,11 @@ from fti.arrays import Array, Ints
 from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import metres_per_radian
-from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
+from fti.hil.oracle.flag_definitions import GROUND_DRIFT, HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import (
     FILTER,
     FIX,
     GLIDE,
-    GROUND_DRIFT,
     GROUND_FIX,
     HEIGHT_BELOW,
     LOCATION,
@@ -31,6 +30,8 @@ from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
+#: Largest error of the estimated time of scans, whose sigma is at most this large [ms].
+CLOCK_LIMIT_MS = 15.0
 #: Outputs that must state a sigma with each value that has a sigma field.
 STATE_SIGMAS = frozenset((FILTER, FIX, VERTICAL, GLIDE, GROUND_FIX))
 
@@ -110,9 +111,11 @@ class Comparison:
         yield self._horizontal(self._column("lat"), self._column("lon"), sd)
 
     def _ground_drift(self) -> Iterator[QuantityError]:
-        """The estimated mounting, of which the emulated sensor has no error; the drift is that of the filter."""
+        """Estimated mounting and clock, of which a sound sensor has no error; the drift is that of the filter."""
         yaw, sd = np.rad2deg(self._column("yaw")), np.rad2deg(self._column("yaw_sd"))
         yield QuantityError("mounting", "deg", yaw, sd, self._limits.heading_deg, must_state=True)
+        late, sd = 1e3 * self._column("clock"), 1e3 * self._column("clock_sd")
+        yield QuantityError("clock", "ms", late, sd, CLOCK_LIMIT_MS, must_state=True)
 
     def _velocity(self) -> Iterator[QuantityError]:
         for name in ("vel_north", "vel_east", "vel_down"):
