@@ -30,8 +30,6 @@ from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
-#: Largest error of the estimated time of scans, whose sigma is at most this large [ms].
-CLOCK_LIMIT_MS = 15.0
 #: Outputs that must state a sigma with each value that has a sigma field.
 STATE_SIGMAS = frozenset((FILTER, FIX, VERTICAL, GLIDE, GROUND_FIX))
 
@@ -111,11 +109,9 @@ class Comparison:
         yield self._horizontal(self._column("lat"), self._column("lon"), sd)
 
     def _ground_drift(self) -> Iterator[QuantityError]:
-        """Estimated mounting and clock, of which a sound sensor has no error; the drift is that of the filter."""
+        """The estimated mounting, of which a sound sensor has no error; the drift is that of the filter."""
         yaw, sd = np.rad2deg(self._column("yaw")), np.rad2deg(self._column("yaw_sd"))
         yield QuantityError("mounting", "deg", yaw, sd, self._limits.heading_deg, must_state=True)
-        late, sd = 1e3 * self._column("clock"), 1e3 * self._column("clock_sd")
-        yield QuantityError("clock", "ms", late, sd, CLOCK_LIMIT_MS, must_state=True)
 
     def _velocity(self) -> Iterator[QuantityError]:
         for name in ("vel_north", "vel_east", "vel_down"):
