@@ -8,7 +8,7 @@ from typing import Any
 
 from fti.alarms.condition import Condition, Severity
 from fti.clock import FakeClock
-from fti.messages.outputs import FilterMode, FilterSolution, GlideSlope, IntegrityState, Output
+from fti.messages.outputs import FilterMode, FilterSolution, GlideSlope, GroundDrift, IntegrityState, Output
 from fti.messages.reasons import Reason
 from fti.messages.tables import to_table
 from fti.nav.alarm_conditions import OutputConditions
@@ -148,6 +148,11 @@ def _of_solution(identity: str, severity: Severity, title: str, **changes: Any) 
     return Case(identity, severity, title, _outputs(begins), _outputs(ends), _outputs(before))
 
 
+def _drift(t_s: float, *reasons: Reason) -> GroundDrift:
+    t_ns = round(t_s * SECOND_NS)
+    return GroundDrift(t_ns=t_ns, t_valid_ns=t_ns, valid=not reasons, reasons=reasons)
+
+
 def _of_monitor(identity: str, severity: Severity, title: str, state: IntegrityState, reason: Reason) -> Case:
     """Outputs of a monitor with full windows."""
     begins, ends, before = integrity(2, state, reason), integrity(3, OK), integrity(1, OK)
@@ -193,6 +198,10 @@ CASES: Sequence[Case] = (
     Case(
         "contradiction", CAUTION, "SOURCES CONTRADICT EACH OTHER", _outputs(_filter(2, Reason.CONTRADICTION)),
         _outputs(_filter(3)),
+    ),
+    Case(
+        "ground_drift", CAUTION, "DRIFT OVER GROUND REFUSED",
+        _outputs(_drift(2, Reason.REJECTED, Reason.CONTRADICTION)), _outputs(_drift(3)),
     ),
     Case(
         "reacquired", ADVISORY, "SOURCES REACQUIRED", _outputs(solution(3, unchecked=(Reason.REACQUIRED,))),

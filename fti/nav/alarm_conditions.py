@@ -20,6 +20,7 @@ from fti.messages.outputs import (
     Event,
     FilterSolution,
     GlideSlope,
+    GroundDrift,
     HeightAboveGround,
     HeightBelowAircraft,
     IntegrityState,
@@ -82,6 +83,7 @@ class OutputConditions:
             HeightBelowAircraft: self._feed_height,
             NavSolution: self._feed_solution,
             FilterSolution: self._feed_filter,
+            GroundDrift: self._feed_drift,
             SourceValidity: self._feed_source,
         }
         self._was_valid: set[str] = set()  # subjects that were valid before
@@ -246,6 +248,17 @@ class OutputConditions:
         cause = "none of them is known to be right; the protection levels contain all"
         condition = Condition("contradiction", Severity.CAUTION, "SOURCES CONTRADICT EACH OTHER", cause)
         self._report("contradiction", output.t_ns, condition if is_unresolved else None)
+
+    def _feed_drift(self, output: GroundDrift) -> None:
+        """The contradiction ends with a calibration; a pair that cannot be compared does not end it."""
+        if output.valid:
+            self._report("ground drift", output.t_ns, None)
+        elif Reason.CONTRADICTION in output.reasons:
+            title, cause = (
+                "DRIFT OVER GROUND REFUSED",
+                "it contradicts the filter; it does not aid until it is calibrated",
+            )
+            self._report("ground drift", output.t_ns, Condition("ground_drift", Severity.CAUTION, title, cause))
 
     def _feed_source(self, output: SourceValidity) -> None:
         self._tested[output.source] = output

@@ -17,9 +17,9 @@ contradiction.  Otherwise a wrong mounting would become a wrong heading with a s
 wrong clock a wrong velocity in the next turn.  A contradiction makes the errors of the sensor unknown again, and its
 event names the error that explains the pairs (``fti.nav.look_diagnosis``).
 
-The drift bounds no position: with it alone the filter coasts, and its sigma grows more slowly.  Copies of the filter
-without satellites do not use it (``fti.nav.separation``), so that it hides no fault of the satellites; protection
-levels without satellites are therefore those of the inertial unit.  Configured by ``[nav.scan_drift]``.
+The drift bounds no position: with it alone the filter coasts, and its sigma grows more slowly.  It is compared with the
+satellites, and with the inertial unit without them, by copies of the filter (``fti.nav.separation.drift_watch``).
+Configured by ``[nav.scan_drift]``.
 """
 
 from __future__ import annotations

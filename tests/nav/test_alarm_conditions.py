@@ -14,6 +14,7 @@ from fti.messages.outputs import (
     FilterMode,
     FilterSolution,
     GlideSlope,
+    GroundDrift,
     HeightAboveGround,
     HeightBelowAircraft,
     IntegrityState,
@@ -304,6 +305,20 @@ def test_sources_that_contradict_each_other_without_a_culprit(watched: Watched) 
     watched.feed(FilterSolution(t_ns=1, reasons=(Reason.CONTRADICTION,), **drawn))
     assert watched.lasting == {"contradiction": "caution"}
     watched.feed(FilterSolution(t_ns=2, reasons=(), **drawn))
+    assert watched.lasting == {}
+
+
+def test_a_refused_drift_over_the_ground_lasts_until_a_valid_one(watched: Watched) -> None:
+    def drift(t_ns: int, *reasons: Reason) -> GroundDrift:
+        return GroundDrift(t_ns=t_ns, t_valid_ns=t_ns, valid=not reasons, reasons=reasons)
+
+    watched.feed(drift(1, Reason.NOT_CALIBRATED), drift(2, Reason.REJECTED))
+    assert watched.lasting == {}
+    watched.feed(drift(3, Reason.REJECTED, Reason.CONTRADICTION, Reason.NOT_CALIBRATED))
+    assert watched.lasting == {"ground_drift": "caution"}
+    watched.feed(drift(4, Reason.FEW_POINTS), drift(5, Reason.STALE))
+    assert watched.lasting == {"ground_drift": "caution"}
+    watched.feed(drift(6))
     assert watched.lasting == {}
 
 

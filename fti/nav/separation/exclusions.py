@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from fti.constants import SECOND_NS
 from fti.nav.confirmation import Size
+from fti.nav.filter.look_mark import SCAN_DRIFT
 from fti.nav.separation.absence import TRIAL_NS
 from fti.nav.separation.monitor import SourceFault
 from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, ReadmissionCheck
@@ -73,6 +74,16 @@ def describe_misled(group: SourceClass, names: Iterable[str], finding: SourceFau
     return (
         f"{' and '.join(sorted(names))}: excluded: {' and '.join(group.devices)} came back outside the gate of the"
         f" filter, and agrees with the filter without them; it continues as it was without them for {age_s:.0f} s"
+    )
+
+
+def describe_wrong_drift(finding: SourceFault, t_ns: int) -> str:
+    """Text when drifts between looks are excluded without satellites."""
+    assert finding.copy is not None
+    since_s, age_s = (t_ns - finding.onset_ns) / SECOND_NS, (t_ns - finding.copy.began_ns) / SECOND_NS
+    return (
+        f"{SCAN_DRIFT}: excluded: {finding.text}, for {since_s:.0f} s; the filter continues as it was without it for"
+        f" {age_s:.0f} s"
     )
 
 

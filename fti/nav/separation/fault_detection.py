@@ -7,12 +7,14 @@ of them, the contradiction is unresolved: satellites or barometer may be wrong.
 
 Without satellites, airspeed and magnetic heading separate the filter from its copies, which does not show a fault of
 the satellites: separations are tested only while positions are accepted.  If the filter refuses satellites that return,
-and the copy from before agrees with them, airspeed and heading are excluded.
+and the copy from before agrees with them, airspeed and heading are excluded.  Positions from the ground and drifts
+between looks are compared with the satellites (``ground_watch``, ``drift_watch``).
 Source: the specification in docs/fault-detection.md.  Checked against: tests/nav/test_fault_detection.py.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -26,12 +28,14 @@ from fti.nav.confirmation import Confirmation, Size
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import LIMITS, GateDecision
+from fti.nav.filter.look_mark import SCAN_DRIFT
 from fti.nav.filter.measurement_update import compute_nis
 from fti.nav.filter.navigator import InertialNavigator
 from fti.nav.filter.position_mark import MARK
 from fti.nav.filter.segment import FilterSegment, Moment, cut
 from fti.nav.plausibility.source import UnconfirmedSource
 from fti.nav.separation.copies import Separation, separate
+from fti.nav.separation.drift_watch import DriftWatch
 from fti.nav.separation.exclusions import (
     ExcludedReceiver,
     describe_exclusion,
@@ -39,6 +43,7 @@ from fti.nav.separation.exclusions import (
     describe_readmission,
     describe_return,
     describe_unconfirmed,
+    describe_wrong_drift,
     size_of,
 )
 from fti.nav.separation.ground_watch import GroundWatch
@@ -71,6 +76,7 @@ class FaultDetection:
         self._navigator = navigator
         self._classes = make_classes(settings, has_looks=bool(navigator.model.looks)) if settings.gnss else []
         self._ground = GroundWatch(settings) if settings.gnss and MARK[0] in navigator.model.columns else None
+        self._drifts = DriftWatch(settings) if settings.gnss and navigator.model.looks else None
         self._refused: dict[str, ExcludedReceiver] = {}  # by label
         self._events: list[Event] = []
         self._end_ns: int | None = None
@@ -146,13 +152,28 @@ class FaultDetection:
             max(each.vertical for each in levels) + self._tolerance,
         )
 
+    @property
+    def _watches(self) -> tuple[GroundWatch | DriftWatch, ...]:
+        """Comparisons of satellites with the ground, and with drifts over it."""
+        return tuple(watch for watch in (self._ground, self._drifts) if watch is not None)
+
     def _lag_s(self, t_ns: int) -> float:
         """Age of the copies at a time."""
         return 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
 
     def _levels_of_copies(self, t_ns: int) -> list[ProtectionLevels]:
-        watchers = (*self._classes, *((self._ground,) if self._ground else ()))
-        return [watcher.levels(self._lag_s(t_ns)) for watcher in watchers]
+        lag_s = self._lag_s(t_ns)
+        levels = [group.levels(lag_s) for group in self._classes]
+        if self._ground:
+            levels.append(self._ground.levels(lag_s))
+        if self._drifts:
+            absence = self._classes[0].absence
+            is_away = absence.is_on_trial or absence.is_absent(t_ns)
+            if is_away and self._drifts.is_complete:
+                levels[0] = levels[0]._replace(horizontal=0.0)
+            if is_away or self.is_unresolved or not self._drifts.has_satellites:
+                levels.append(self._drifts.levels(lag_s))
+        return levels
 
     def provisional(self, t_ns: int) -> list[ProvisionalResult]:
         """Provisional filters of unconfirmed receivers at a time; empty without an estimate."""
@@ -226,8 +247,8 @@ class FaultDetection:
                 group.follow(segment, pieces)
             else:
                 group.clear()
-        if self._ground:
-            self._ground.follow(segment, pieces)
+        for watch in self._watches:
+            watch.follow(segment, pieces)
         if not self.is_reacquired:
             self._tolerance = 0.0
         self._report_returns(segment)
@@ -289,11 +310,15 @@ class FaultDetection:
 
     def _check_classes(self, segment: FilterSegment, t_ns: int) -> None:
         """Exclude at most one class at a time: its exclusion changes what the others are compared with."""
+        if self._drifts and (wrong_drift := self._drifts.find_wrong_drift(segment)):
+            text = describe_wrong_drift(wrong_drift, t_ns)
+            self._exclude_aids(frozenset({SCAN_DRIFT}), wrong_drift, text, t_ns)
+            return
         faulty = {group.label: (group, finding) for group in self._classes if (finding := group.find(segment))}
         if SATELLITES in faulty:
             group, finding = faulty[SATELLITES]
-            if group.was_misled(finding, segment.end.estimate.t_ns) and self._aids_of(group):
-                self._exclude_aids(group, finding, t_ns)
+            if group.was_misled(finding, segment.end.estimate.t_ns) and (names := self._aids_of(group)):
+                self._exclude_aids(names, finding, describe_misled(group, names, finding, t_ns), t_ns)
             else:
                 self._attribute(group, finding, segment, t_ns)
             return
@@ -310,7 +335,7 @@ class FaultDetection:
             self._exclude(group.devices, group.quantities, finding, segment, t_ns)
         elif faulty:
             self._report_unresolved(next(iter(faulty.values()))[1], t_ns)
-        elif self._ground and (contradiction := self._ground.find(segment)):
+        elif contradiction := next(filter(None, (watch.find(segment) for watch in self._watches)), None):
             self._report_unresolved(contradiction, t_ns)
         elif self._unresolved_ns is not None:
             self._end_unresolved(t_ns)
@@ -393,8 +418,8 @@ class FaultDetection:
             self._add_event(t_ns, "warning", describe_exclusion(device, label, finding, t_ns))
         copy = finding.copy.estimate if finding.copy else None
         self._navigator.exclude(names_of(devices, quantities), finding.onset_ns, copy)
-        if self._ground:
-            self._ground.clear()
+        for watch in self._watches:
+            watch.clear()
         for group in self._classes:
             if group.label != SATELLITES:
                 group.clear()
@@ -413,18 +438,17 @@ class FaultDetection:
         """Dead-reckoning aids that are not excluded."""
         return group.dead_reckoning - self._navigator.find_exclusions().keys()
 
-    def _exclude_aids(self, group: SourceClass, finding: SourceFault, t_ns: int) -> None:
-        """Continue from the oldest copy without the dead-reckoning aids that were used without satellites."""
+    def _exclude_aids(self, names: frozenset[str], finding: SourceFault, text: str, t_ns: int) -> None:
+        """Continue from a copy without dead-reckoning aids that were used without satellites."""
         assert finding.copy is not None
-        names = self._aids_of(group)
         self._navigator.exclude(names, finding.onset_ns, finding.copy.estimate)
         self._excluded_aids |= names
-        for each in self._classes:
-            if each is group:
+        for each in (*self._classes, *self._watches):
+            if isinstance(each, SourceClass) and each.label == SATELLITES:  # its copies never use them
                 each.restart_from_oldest()
             else:
                 each.clear()
-        self._add_event(t_ns, "warning", describe_misled(group, names, finding, t_ns))
+        self._add_event(t_ns, "warning", text)
 
     def _report_readmitted_aids(self, t_ns: int) -> None:
         readmitted = self._excluded_aids - self._navigator.find_exclusions().keys()
@@ -440,7 +464,7 @@ class FaultDetection:
 
     def _end_unresolved(self, t_ns: int) -> None:
         assert self._unresolved_ns is not None
-        monitors = [group.monitor for group in (*self._classes, self._ground) if group is not None]
+        monitors = [*(group.monitor for group in self._classes), *itertools.chain(*(w.monitors for w in self._watches))]
         if any(monitor.ratio > HALF_K_FA for monitor in monitors):
             self._unresolved_ns = self._end_ns
         elif (self._end_ns or 0) - self._unresolved_ns >= UNRESOLVED_END_NS:
@@ -448,10 +472,8 @@ class FaultDetection:
             self._add_event(t_ns, "info", "contradiction: the sources agree again")
 
     def _forget_copies(self) -> None:
-        for group in self._classes:
+        for group in (*self._classes, *self._watches):
             group.clear()
-        if self._ground:
-            self._ground.clear()
 
     # ------------------------------------------------------------------------------------------------------ readmission
 

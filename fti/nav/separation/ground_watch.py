@@ -8,7 +8,7 @@ excluded.  The copy counts for the protection level while its own sigma is small
 Copies of the ring of the satellites use the ground as well.  They show a change in their short time, and the error of a
 map does not change so fast: the satellites are excluded then.
 
-Source: Brenner 1996 (solution separation).  Checked against: tests/nav/test_ground_watch.py.
+Source: Brenner 1996 (solution separation).  Checked against: fti study ground-watch.
 """
 
 from __future__ import annotations
@@ -33,32 +33,36 @@ class GroundWatch:
     def __init__(self, settings: Filter) -> None:
         self._satellites = names_of(settings.gnss, QUANTITIES)
         ring = CopyRing(self._satellites, frozenset(), RECEIVER_RING)
-        self.monitor = SeparationMonitor(ring, HORIZONTAL_AXES)
+        self.monitors = (SeparationMonitor(ring, HORIZONTAL_AXES),)
+
+    @property
+    def _monitor(self) -> SeparationMonitor:
+        return self.monitors[0]
 
     @property
     def is_bounded(self) -> bool:
         """Whether the ground bounds the copy."""
-        return any(separation.radial_sd <= MAX_SD_M for separation in self.monitor.separations)
+        return any(separation.radial_sd <= MAX_SD_M for separation in self._monitor.separations)
 
     def clear(self) -> None:
         """Remove the copy."""
-        self.monitor.clear()
+        self._monitor.clear()
 
     def follow(self, segment: FilterSegment, pieces: Sequence[Piece]) -> None:
         """Compare at the end of a segment; begin a copy after a position from the ground was accepted."""
-        self.monitor.copy_ring.advance(pieces)
+        self._monitor.copy_ring.advance(pieces)
         ground = segment.end.gate_states.get(TERRAIN_POSITION)
         has_fix = ground is not None and ground.accepted_ns is not None and ground.refused_since_ns is None
         has_satellites = is_recently_accepted(segment.end, self._satellites)
-        self.monitor.follow(segment.end, may_renew=has_fix and has_satellites, is_comparable=has_satellites)
+        self._monitor.follow(segment.end, may_renew=has_fix and has_satellites, is_comparable=has_satellites)
 
     def levels(self, lag_s: float) -> ProtectionLevels:
         """Protection level of the copy, horizontally; zero while it is not bounded.  lag_s : its age"""
         if not self.is_bounded:
             return ProtectionLevels(0.0, 0.0)
-        return ProtectionLevels(copy_levels(self.monitor.separations, lag_s)[0], 0.0)
+        return ProtectionLevels(copy_levels(self._monitor.separations, lag_s)[0], 0.0)
 
     def find(self, segment: FilterSegment) -> SourceFault | None:
         """The contradiction at the end of a segment; None without one."""
-        finding = self.monitor.find(segment.end.estimate.t_ns, Refusals())
+        finding = self._monitor.find(segment.end.estimate.t_ns, Refusals())
         return None if finding is None else finding._replace(text=f"satellites against the ground: {finding.text}")

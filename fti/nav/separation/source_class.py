@@ -150,12 +150,12 @@ def long_absence_ns(unit: str) -> int:
 def make_classes(settings: Filter, *, has_looks: bool = False) -> list[SourceClass]:
     """Classes of the receivers that aid; the satellites first.  has_looks : drifts between looks aid, too"""
     receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
-    altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
+    altimeters = _altimeter_names(settings)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
     ring = RingSettings(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
     aids = dead_reckoning_names(settings) | (frozenset({SCAN_DRIFT}) if has_looks else frozenset())
-    others = altimeters | aids | frozenset(altitude_name(device) for device in settings.baro)
-    satellites = CopyRing(names_of(receivers, QUANTITIES) | others, names_of(receivers, tested), ring)
+    removed = names_of(receivers, QUANTITIES) | names_beside_satellites(settings) | aids
+    satellites = CopyRing(removed, names_of(receivers, tested), ring)
     long_ns = long_absence_ns(settings.unit)
     monitor = SeparationMonitor(satellites, axes, K_FA_SATELLITES)
     classes = [SourceClass(SATELLITES, receivers, QUANTITIES, monitor, long_ns, aids)]
@@ -168,6 +168,16 @@ def make_classes(settings: Filter, *, has_looks: bool = False) -> list[SourceCla
         copy_ring = CopyRing(receiver_names(name), receiver_names(name), RECEIVER_RING)
         classes.append(SourceClass(name, (name,), QUANTITIES, SeparationMonitor(copy_ring, ALL_AXES)))
     return classes
+
+
+def names_beside_satellites(settings: Filter) -> frozenset[str]:
+    """Names of the aids that copies without satellites do not use, but for drifts between looks."""
+    barometers = frozenset(altitude_name(device) for device in settings.baro)
+    return _altimeter_names(settings) | barometers | dead_reckoning_names(settings)
+
+
+def _altimeter_names(settings: Filter) -> frozenset[str]:
+    return frozenset(altitude_name(sensor) for sensor in settings.altimeters)
 
 
 def is_recently_accepted(moment: Moment, names: Iterable[str]) -> bool:
