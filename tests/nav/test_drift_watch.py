@@ -46,8 +46,9 @@ def fly(
     settings = config()
     assert settings.nav.filter is not None
     nav = settings.nav.model_copy(update={"filter": settings.nav.filter.model_copy(update={"unit": unit})})
-    pipeline, out = Pipeline(settings.model_copy(update={"nav": nav}), None), Outputs()
+    out = Outputs()
     with known_sensor():
+        pipeline = Pipeline(settings.model_copy(update={"nav": nav}), None)
         for k in range(round(end_s * 100)):
             t = 0.01 * k
             for device, m in measurements(k, gnss=satellites(t)):

@@ -6,13 +6,15 @@ condition, whether or not the operator has acknowledged it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 from fti.alarms.condition import device_id
 from fti.hil.oracle.flag_definitions import (
     DEVICES,
+    GROUND_DRIFT,
     HEALTH_S,
     HEIGHT,
     INTEGRITY,
@@ -41,6 +43,13 @@ BAD_DEVICE_STATES = (LinkState.SILENT, LinkState.NOISE, LinkState.WRONG_RATE)
 #: checked separately for the whole flight.
 COMPUTER_ALARMS = frozenset(
     {"navigation_starting", "terrain_loading", "navigation_late", "space", "storage_full", "storage_slow"}
+)
+#: Alarms of a single word at an output.
+ALARMS_OF_OUTPUTS: Mapping[tuple[str, ...], tuple[str, ...]] = MappingProxyType(
+    {
+        (INTEGRITY, Reason.OBSTACLE): INTEGRITY_IDS[:2],
+        (GROUND_DRIFT, Reason.CONTRADICTION): ("ground_drift",),
+    }
 )
 
 
@@ -83,8 +92,8 @@ def _find_alarms(expected_flag: ExpectedFlag, craft: AircraftRoles) -> _AlarmDel
         return _AlarmDelay((f"link:{name}",), ALARM_LATENCY_S, HEALTH_S)
     if parent == HEIGHT and words <= ALTIMETER_FAULTS:
         return _AlarmDelay((f"altimeter:{name}",), FAULT_S + ALARM_LATENCY_S, MEMORY_S)
-    if expected_flag.place == INTEGRITY and words == {Reason.OBSTACLE}:
-        return _AlarmDelay(INTEGRITY_IDS[:2], ALARM_LATENCY_S, ALARM_LATENCY_S)
+    if (alarms := ALARMS_OF_OUTPUTS.get((expected_flag.place, *expected_flag.words))) is not None:
+        return _AlarmDelay(alarms, ALARM_LATENCY_S, ALARM_LATENCY_S)
     if expected_flag.place == SOLUTION and craft.positions and words == {f"position not from {craft.positions[0]}"}:
         others = (*craft.positions[1:], FILTER, RADIO)
         return _AlarmDelay(

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fti.config import Config
-from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
+from fti.hil.oracle.flag_definitions import GROUND_DRIFT, HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import FILTER, GLIDE, HEIGHT_BELOW, VALIDITY
 from fti.messages.frames import LinkState
 from fti.messages.outputs import IntegrityState
@@ -34,7 +34,8 @@ INTEGRITY_ALARMS = {
     IntegrityState.UNAVAILABLE: "integrity_unavailable",
 }
 #: Outputs with alarm conditions, and outputs that each device has.
-OUTPUTS, DEVICE_OUTPUTS = frozenset({INTEGRITY, SOLUTION, HEIGHT_BELOW, FILTER, GLIDE}), frozenset({HEIGHT, VALIDITY})
+OUTPUTS = frozenset({INTEGRITY, SOLUTION, HEIGHT_BELOW, FILTER, GLIDE, GROUND_DRIFT})
+DEVICE_OUTPUTS = frozenset({HEIGHT, VALIDITY})
 
 Content = Mapping[str, Any]
 
@@ -89,6 +90,8 @@ class AlarmStates:
             return {"height"} if not content["valid"] else set(), self._invalidated("height", bool(content["valid"]))
         if topic == FILTER:
             return {"contradiction"} if Reason.CONTRADICTION in content["reasons"] else set(), set()
+        if topic == GROUND_DRIFT:
+            return {"ground_drift"} if not content["valid"] else set(), set()
         others = {HEIGHT: f"altimeter:{name}", VALIDITY: f"source:{name}"}
         identity = "glide_slope" if topic == GLIDE else others.get(above)
         return {identity} if identity and not content["valid"] else set(), set()
