@@ -53,8 +53,9 @@ if TYPE_CHECKING:
 CALIBRATION_COUNT, CALIBRATION_NS = 6, 30_000_000_000
 #: Sigma of the heading that makes a mounting visible, and largest estimate of a mounting that was surveyed [rad].
 MAX_HEADING_SD, MAX_YAW = 0.75 * YAW_DRIFT.sd, 2.5 * YAW_DRIFT.sd
-#: Sigma of the time of the looks at which a roll does not hide its largest estimate, and that estimate [s].
-MAX_CLOCK_SD, MAX_CLOCK = CLOCK_DRIFT.sd / 3.0, 2.5 * CLOCK_DRIFT.sd
+#: Sigma of the time of the looks at which a roll does not hide its largest estimate, and that estimate [s].  The
+#: latter is more than half of a frame, and less than wrong times that were flown: 50 ms were estimated as 27 and more.
+MAX_CLOCK_SD, MAX_CLOCK = 0.5 * CLOCK_DRIFT.sd, 2.0 * CLOCK_DRIFT.sd
 #: Errors of the sensor: sigma of a sound one, and largest estimate.
 LIMITS_OF_ERRORS = {CLOCK: (CLOCK_DRIFT, MAX_CLOCK), YAW: (YAW_DRIFT, MAX_YAW)}
 #: An error beyond its limit must be known to be one: share of the pairs in its information, and sigmas.

@@ -29,7 +29,7 @@ from tests.nav.test_ground_drift import (
     drifts,
     events,
     fly,
-    known_heading,
+    known_sensor,
     last_solution,
     north_error,
     ranges,
@@ -165,7 +165,7 @@ def check_drifts(out: Outputs, from_s: float) -> None:
 @pytest.mark.parametrize("spoil", [lost, truncated, corrupted, anything])
 def test_images_with_faults_are_no_wrong_drift(spoil: Spoil) -> None:
     imager = FramedImager(spoil)
-    with known_heading():
+    with known_sensor():
         out = fly(imager, satellites=lambda t: t < SATELLITES_S, end_s=END_S)
     check_images(imager)
     check_drifts(out, 20.0)
@@ -191,7 +191,7 @@ def test_repeated_and_reordered_frames_give_whole_images(spoil: Spoil) -> None:
 def test_images_without_their_first_frames_are_stale_drifts() -> None:
     """They have no time.  The drift is not valid after three intervals, and the filter coasts on."""
     imager = FramedImager(lambda frames, _: frames[1:])
-    with known_heading():
+    with known_sensor():
         out = fly(imager, end_s=40.0)
     assert len(imager.received) == BEGIN_S * 2
     late = [o for o in out if isinstance(o, GroundDrift) and o.t_ns > T0 + 30_000 * MS]
@@ -236,7 +236,7 @@ class SpoiledTurntable(Turntable):
 
 def test_packets_with_faults_are_no_wrong_drift() -> None:
     scanner = SpoiledTurntable(seed=0)
-    with known_heading():
+    with known_sensor():
         out = fly(scanner, end_s=25.0, exposure_s=0.2)
     assert min(scanner.faults.values()) > 20
     assert sum(each.directions == 3 for each in drifts(out, 5.0)) > 4

@@ -17,7 +17,8 @@ from fti.messages.reasons import Reason
 TURN_RAD, ANNOUNCED_S = np.radians(8.0), 60.0
 #: The filter is aligned and has looks after this time [s].
 READY_S = 30.0
-#: Errors that are certainly flagged: twice the mounting that was surveyed with 0.2 deg, at 2.5 sigma; 2.5 times 15 ms.
+#: Errors that are certainly flagged: twice the mounting that was surveyed with 0.2 deg, at 2.5 sigma; more
+#: than twice the 20 ms that are flagged, because the estimate is low.
 MIN_YAW_DEG, MIN_LATE_S = 1.0, 0.045
 
 

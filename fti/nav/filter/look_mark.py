@@ -68,8 +68,8 @@ COVER_DRIFT = Drift(0.015, length_m=10e3)
 MIN_DISTANCE_M = 1.0
 #: Mounting that was surveyed on the ground.
 YAW_DRIFT = Drift(math.radians(0.2))
-#: Half of a frame at 30 Hz: data sheets do not state to which moment of the exposure an image belongs.
-CLOCK_DRIFT = Drift(0.015)
+#: A frame at 30 Hz, uniform: data sheets do not state to which moment of the exposure an image belongs.
+CLOCK_DRIFT = Drift(0.010)
 
 
 def look_drifts(looks: int) -> dict[str, Drift]:
