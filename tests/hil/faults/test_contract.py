@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
+from fti.devices import gives_scans
 from fti.hil.faults.applicability import inapplicable_reason
 from fti.hil.tables.fault_base import DeviceFault
 from fti.hil.tables.fault_types import Fault, FaultKind
@@ -130,6 +131,8 @@ def can_be(kind: FaultKind, name: str) -> bool:
         return DEVICES[name].quantity.startswith("range.")
     if kind in (FaultKind.FREEZE, FaultKind.STUCK, FaultKind.LATENCY) and name in ALWAYS_THE_SAME:
         return False
+    if kind is FaultKind.LATENCY and gives_scans(bound):
+        return False  # the model measures late scans: tests/hil/test_range_arrays.py
     if kind in NEEDS:
         return name in NEEDS[kind]
     if kind is FaultKind.INVALID:
