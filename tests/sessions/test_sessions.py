@@ -28,6 +28,8 @@ ANGLES = frozenset({"lat", "lon"})
 IGNORED = frozenset({"sha256"})
 #: Fields that a later version has added: checksums of the terrain, motion of ``/nav/location``.
 ADDED = frozenset({"checksums", "heading", "velocity"})
+#: Numbers that a later version computes otherwise, by topic: 0.3.0 trusts the climb of satellites less.
+COMPUTED_OTHERWISE = {"/nav/vertical_solution": ("alt", "vertical_sd", "vel_down", "vel_down_sd")}
 Messages = defaultdict[tuple[str, int], list[Any]]
 
 
@@ -74,10 +76,12 @@ def count_outputs(result: Messages) -> dict[tuple[str, int], int]:
 
 
 def messages(recording: Recording) -> Messages:
-    """What the derived files hold, by topic and time [ns]."""
+    """What the derived files hold, by topic and time [ns]; of numbers computed otherwise, whether they exist."""
     result: Messages = defaultdict(list)
     for topic, t_ns, _, _, data in recording.messages():
-        result[topic, t_ns].append(json.loads(data))
+        row = json.loads(data)
+        row |= {name: row[name] is not None for name in COMPUTED_OTHERWISE.get(topic, ())}
+        result[topic, t_ns].append(row)
     return result
 
 
