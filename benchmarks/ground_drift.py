@@ -150,10 +150,11 @@ def live_sensors() -> dict[str, tuple[str | None, str]]:
 
 def measure_live(rounds: int, duration_s: float, targets: Targets) -> None:
     """Fly each configuration in each round; print and judge."""
-    base, flown = research_flight.research_text(), {name: list[Round]() for name in live_sensors()}
+    base, sensors = research_flight.research_text(), live_sensors()
+    flown = {name: list[Round]() for name in sensors}
     print(f"live, beside the research aircraft: {rounds} rounds of {duration_s:g} s")
     for _ in range(rounds):
-        for name, (link, text) in live_sensors().items():
+        for name, (link, text) in sensors.items():
             flown[name].append(research_flight.fly(base + text, link, duration_s))
     print("         recorder  navigation     lag  output delay [ms]     emulator late [ms]     datagrams")
     print("         % of core  % of core  max ms   p50   p99   max        p50      p99       sent  recorded   pairs")

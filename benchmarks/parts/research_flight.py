@@ -70,7 +70,7 @@ class Round:
     backlog_s  : by which navigation was later at its end than at its begin [s]
     cpu        : processor time of each process over the time of the flight that it has processed: a share of a core
     lag_ms     : of navigation, in each health;  delay_ms : p50, p99 and largest delay of its outputs, over 5 s each
-    dropped    : frames dropped by buffers and kernel, on all links;  load : the fullest buffer of any link, 1: full
+    dropped    : frames dropped by buffers and kernel, on all links
     sent, recorded : datagrams of the range sensor;  late_ms : p50 and p99 lateness of the emulator on its link
     pairs, found   : pairs of looks, and those with a drift
     verified   : ``fti verify`` finds nothing wrong
@@ -82,7 +82,6 @@ class Round:
     lag_ms: list[float] = field(default_factory=list)
     delay_ms: list[tuple[float, float, float]] = field(default_factory=list)
     dropped: int = 0
-    load: float = 0.0
     sent: int = 0
     recorded: int = 0
     late_ms: tuple[float, float] = (0.0, 0.0)
@@ -116,7 +115,6 @@ class _Health:
         for health in [json.loads(self._messages.get()) for _ in range(self._messages.qsize())]:
             links, navigation = health["links"].values(), health["navigation"]
             result.dropped = sum(link["dropped_frames"] for link in links)
-            result.load = max([result.load, *(load for link in links for load in link["load"].values())])
             result.lag_ms.append(navigation["lag_ms"])
             if delay := navigation["output_delay"]:
                 result.delay_ms.append((delay["p50_ms"], delay["p99_ms"], delay["max_ms"]))

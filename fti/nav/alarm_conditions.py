@@ -254,11 +254,9 @@ class OutputConditions:
         if output.valid:
             self._report("ground drift", output.t_ns, None)
         elif Reason.CONTRADICTION in output.reasons:
-            title, cause = (
-                "DRIFT OVER GROUND REFUSED",
-                "it contradicts the filter; it does not aid until it is calibrated",
-            )
-            self._report("ground drift", output.t_ns, Condition("ground_drift", Severity.CAUTION, title, cause))
+            cause = "it contradicts the filter; it does not aid until it is calibrated"
+            condition = Condition("ground_drift", Severity.CAUTION, "DRIFT OVER GROUND REFUSED", cause)
+            self._report("ground drift", output.t_ns, condition)
 
     def _feed_source(self, output: SourceValidity) -> None:
         self._tested[output.source] = output

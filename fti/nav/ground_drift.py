@@ -237,9 +237,10 @@ class GroundDriftAiding:
         reasons = self._calibration.reasons
         self._aided.feed_look(t_ns, with_fields(result.aiding, is_on_trial=not self._calibration.is_complete))
         after = self._aided.estimate(t_ns)
-        if not self._aided.is_accepted(SCAN_DRIFT, t_ns) or after is None or excessive_error(after):
+        cause = "" if after is None else excessive_error(after)
+        if not self._aided.is_accepted(SCAN_DRIFT, t_ns) or after is None or cause:
             self._diagnosis.feed(result.aiding, before)
-            self._contradict(t_ns, excessive_error(after) if after else "")
+            self._contradict(t_ns, cause)
             return (Reason.REJECTED, *self._calibration.reasons)
         knows_heading = after.rpy_sd[2] <= MAX_HEADING_SD
         if has_satellites and knows_heading and self._calibration.agree(t_ns, knows_clock=knows_clock(after)):

@@ -40,15 +40,10 @@ def spoofed(m: Measurement, t: float, rate: float) -> Measurement:
     return m
 
 
-def fly(
-    sensor: Any, *, satellites: Callable[[float], bool], end_s: float, rate: float = 0.0, unit: str = "tactical"
-) -> Outputs:
-    settings = config()
-    assert settings.nav.filter is not None
-    nav = settings.nav.model_copy(update={"filter": settings.nav.filter.model_copy(update={"unit": unit})})
+def fly(sensor: Any, *, satellites: Callable[[float], bool], end_s: float, rate: float = 0.0) -> Outputs:
     out = Outputs()
     with known_sensor():
-        pipeline = Pipeline(settings.model_copy(update={"nav": nav}), None)
+        pipeline = Pipeline(config(), None)
         for k in range(round(end_s * 100)):
             t = 0.01 * k
             for device, m in measurements(k, gnss=satellites(t)):
