@@ -6,6 +6,7 @@ ending (``dbc_file = "air.dbc"`` becomes ``dbc = "<text>"``), because a driver o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +18,7 @@ from fti import drivers
 from fti.config import Config, Device, StrictModel
 from fti.drivers import Decoder, Driver
 from fti.errors import ConfigError, MissingError
+from fti.geodesy.formulas import mat_nb
 
 if TYPE_CHECKING:
     from fti.nav.integrity.reference import ApproachReference
@@ -155,27 +157,58 @@ def gives_scans(bound: BoundDevice) -> bool:
     return drivers.has_turns(bound.driver) or getattr(bound.options, "array", None) is not None
 
 
+#: Longest look of a scanner that turns [s].
+MAX_TURN_S = 0.2
+#: The front line scanner looks so much further ahead than the rear one, in heights above ground.
+MIN_DISTANCE_AHEAD = 0.05
+
+
 def check_scan_drift(config: Config, devices: Sequence[BoundDevice]) -> None:
-    """Check that the device of ``[nav.scan_drift]`` gives looks at the ground.  Raises ConfigError."""
+    """Check that the devices of ``[nav.scan_drift]`` give looks at the ground.  Raises ConfigError."""
     settings = config.nav.scan_drift
-    bound = next((each for each in devices if settings and each.device.name == settings.device), None)
-    if settings is None or bound is None:
+    if settings is None:
         return
-    key, driver = f"{config.path}: nav.scan_drift", bound.device.driver
-    array = getattr(bound.options, "array", None)
-    if not gives_scans(bound):
-        able = ", ".join(other for other in drivers.names() if drivers.has_turns(drivers.load(other)))
-        text = f"{driver} gives no scans; drivers that do: {able}, and binary_struct with device.options.array"
-        raise ConfigError(f"{key}.device = {settings.device!r}: {text}")
-    if array is not None and array.grid == "lines":
-        text = "gives lines, which do not overlap with those of an earlier time; array.grid must be 'image'"
-        raise ConfigError(f"{key}.device = {settings.device!r}: {text}")
-    if array is None and settings.exposure_s == 0.0:
-        text = f"a scan of {driver} is a part of a turn; must be the duration of a look, for example 0.1"
-        raise ConfigError(f"{key}.exposure_s = 0: {text}")
-    if array is not None and settings.exposure_s > 0.0:
-        text = "a scan is a whole image; must be 0"
-        raise ConfigError(f"{key}.exposure_s = {settings.exposure_s:g}: {text}")
+    key, by_name = f"{config.path}: nav.scan_drift", {bound.device.name: bound for bound in devices}
+    for name, bound in ((name, by_name[name]) for name in settings.devices):
+        if not gives_scans(bound):
+            able = ", ".join(other for other in drivers.names() if drivers.has_turns(drivers.load(other)))
+            text = f"{bound.device.driver} gives no scans; drivers that do: {able}, and binary_struct with "
+            raise ConfigError(f"{key}.device = {name!r}: {text}device.options.array")
+        _check_look(settings, bound, key)
+    if settings.second_device is not None:
+        _check_front(key, *(by_name[name].device for name in settings.devices))
+
+
+def _check_look(settings: configuration.ScanDriftTable, bound: BoundDevice, key: str) -> None:
+    """Check that the scans of a device are looks, alone or with those of the other device."""
+    name, array, exposure = bound.device.name, getattr(bound.options, "array", None), settings.exposure_s
+    is_line = array is not None and array.grid == "lines"
+    if is_line and settings.second_device is None:
+        text = "gives lines, which do not overlap with those of an earlier time; array.grid must be 'image', or "
+        raise ConfigError(f"{key}.device = {name!r}: {text}nav.scan_drift.second_device a line scanner that looks back")
+    if not is_line and settings.second_device is not None:
+        text = (
+            f"{name} gives no lines; only two line scanners (array.grid = 'lines') see the ground one after the other"
+        )
+        raise ConfigError(f"{key}.second_device = {settings.second_device!r}: {text}")
+    if array is None and not 0.0 < exposure <= MAX_TURN_S:
+        text = f"a scan of {bound.device.driver} is a part of a turn; must be the duration of a look, for example 0.1"
+        raise ConfigError(f"{key}.exposure_s = {exposure:g}: {text}, at most {MAX_TURN_S:g}")
+    if is_line and exposure == 0.0:
+        raise ConfigError(
+            f"{key}.exposure_s = 0: a scan of {name} is a line; must be the duration of a strip, up to 1.5"
+        )
+    if array is not None and not is_line and exposure > 0.0:
+        raise ConfigError(f"{key}.exposure_s = {exposure:g}: a scan is a whole image; must be 0")
+
+
+def _check_front(key: str, front: Device, rear: Device) -> None:
+    """Check that the front scanner looks further ahead, by the direction to the middle of its lines."""
+    axes = [mat_nb(*(math.radians(angle) for angle in device.rpy_bs_deg)) for device in (front, rear)]
+    ahead = [mat[0][2] / max(mat[2][2], MIN_DISTANCE_AHEAD) for mat in axes]
+    if ahead[0] - ahead[1] < MIN_DISTANCE_AHEAD:
+        text = f"{front.name} does not look further ahead than {rear.name}; the pitch of its rpy_bs_deg must be larger"
+        raise ConfigError(f"{key}.device = {front.name!r}: {text}")
 
 
 def check_alert_limits(config: Config) -> None:

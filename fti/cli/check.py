@@ -212,7 +212,10 @@ def _scan_drift(nav: Nav) -> str | None:
     if settings is None:
         return None
     looks = f"looks of {settings.exposure_s:g} s" if settings.exposure_s else "images"
-    return f"{looks} of {settings.device} that overlap by half aid the filter after they have agreed with satellites"
+    of_pair = f"{looks} of {settings.device} that overlap by half"
+    if settings.second_device is not None:
+        of_pair = f"strips of {settings.exposure_s:g} s, of {settings.device} and later of {settings.second_device},"
+    return f"{of_pair} aid the filter after they have agreed with satellites"
 
 
 def _land_cover(nav: Nav) -> dict[str, Any] | None:

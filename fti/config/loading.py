@@ -145,8 +145,11 @@ def _check_scan_drift(nav: Nav, devices: list[str], file: str) -> None:
         return
     if nav.filter is None or not nav.filter.gnss:
         raise ConfigError(f"{table}: needs [nav.filter] with gnss: the drift is calibrated with satellites")
-    if settings.device not in devices:
-        raise ConfigError(f"{table}.device: {_unknown_device(settings.device, devices)}")
+    for key, name in (("device", settings.device), ("second_device", settings.second_device)):
+        if name is not None and name not in devices:
+            raise ConfigError(f"{table}.{key}: {_unknown_device(name, devices)}")
+    if settings.device == settings.second_device:
+        raise ConfigError(f"{table}.second_device = {settings.device!r}: is the device; must be the rear line scanner")
 
 
 def _check_filter(config: Config, devices: list[str], file: str) -> None:

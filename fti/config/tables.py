@@ -679,21 +679,42 @@ class TerrainPositionTable(StrictModel):
 class ScanDriftTable(StrictModel):
     """``[nav.scan_drift]``: drift between two looks at the same ground, without a map; it aids the filter.
 
-    A look is an image, or what a scanner that turns measures in ``exposure_s``.  The next one is taken when the
-    aircraft has flown half of the length of the last one on the ground.  Needs ``[nav.filter]`` with receivers: the
-    drift aids without satellites only after it has agreed with them.
+    A look is an image, or what a scanner measures in ``exposure_s``.  The next one is taken when the aircraft has flown
+    half of the length of the last one on the ground; of two line scanners, when the rear one sees the ground that the
+    front one has seen.  Needs ``[nav.filter]`` with receivers: the drift aids without satellites only after it has
+    agreed with them.
     """
 
-    device: Annotated[Name, key("device that gives scans: a range imager, or a scanner that turns", NO_UNIT, "imager")]
+    device: Annotated[
+        Name,
+        key(
+            "device that gives scans: a range imager, a scanner that turns, or the front line scanner",
+            NO_UNIT,
+            "imager",
+        ),
+    ]
+    second_device: Annotated[
+        Name | None, key("the rear one of two line scanners, which sees the same ground later", NO_UNIT)
+    ] = None
     range_sd_m: Annotated[Positive, key("1-sigma of the noise of a range", "m")] = 0.1
     time_sd_ms: Annotated[
         Positive, key("1-sigma of the time of a look against the inertial samples, another one in each look", "ms")
     ] = 0.5
     exposure_s: Annotated[
         float,
-        Field(ge=0.0, le=0.2),
-        key("duration of a look; 0: each scan of the device is a whole image; a turn of a scanner", "s", 0.1),
+        Field(ge=0.0, le=1.5),
+        key(
+            "duration of a look; 0: each scan of the device is a whole image; a turn of a scanner; a strip of lines, "
+            "shorter than the time from the front scanner to the rear one",
+            "s",
+            0.1,
+        ),
     ] = 0.0
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        """The devices whose scans are looks, the front one first."""
+        return (self.device,) if self.second_device is None else (self.device, self.second_device)
 
 
 class UnstatedSd(StrictModel):

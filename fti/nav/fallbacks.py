@@ -39,10 +39,10 @@ class Fallbacks:
         nav, devices = config.nav, {device.name: device for device in config.device}
         ground = nav.terrain_position
         map_sd, scans = ground.map_sd_m if ground else None, nav.scan_drift
-        self._aided = AidedNavigation(nav.filter, devices, map_sd, has_looks=bool(scans)) if nav.filter else None
+        self._aided = AidedNavigation(nav.filter, devices, map_sd, scans) if nav.filter else None
         self._observer = observer
         self._ground = TerrainPosition(ground, devices, self._aided, observer) if ground and self._aided else None
-        self._drift = GroundDriftAiding(scans, devices[scans.device], self._aided) if scans and self._aided else None
+        self._drift = GroundDriftAiding(scans, devices, self._aided) if scans and self._aided else None
         self._radio = RadioPosition(nav.radio, devices) if nav.radio else None
         self._ticks = 0
 

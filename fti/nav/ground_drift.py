@@ -2,6 +2,7 @@
 
 Each look is placed with the filter's history (``fti.nav.look_collection``) and compared with an earlier one
 (``fti.nav.look_pairs``).  The drift is a measurement of position and attitude at both (``fti.nav.filter.look_mark``).
+Of two line scanners the strip of the rear one is compared with the strip that the front one has measured before.
 
 A wrong mounting or clock of the sensor, or a wrong range, is a drift as well.  So the satellites calibrate it first:
 until ``CALIBRATION_COUNT`` pairs in succession have agreed with it for ``CALIBRATION_NS`` with satellites, a drift
@@ -26,6 +27,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import replace as with_fields
 from typing import TYPE_CHECKING
 
@@ -38,9 +40,28 @@ from fti.constants import SECOND_NS
 from fti.messages.measurements import Measurement, RangeScan
 from fti.messages.outputs import Event, GroundDrift
 from fti.messages.reasons import Reason
-from fti.nav.filter.look_mark import CLOCK, CLOCK_DRIFT, SCAN_DRIFT, SHARE, YAW, YAW_DRIFT, SensorReset
+from fti.nav.filter.look_mark import (
+    CLOCK,
+    CLOCK_DRIFT,
+    SCAN_DRIFT,
+    SECOND_DRIFT,
+    SECOND_MOUNTING,
+    SHARE,
+    YAW,
+    YAW_DRIFT,
+    SensorReset,
+)
 from fti.nav.inertial_aiding import LOOKS
-from fti.nav.look_collection import MIN_INTERVAL_NS, CollectedLook, LookCollector, as_image, interval_ns, thin
+from fti.nav.look_collection import (
+    MIN_INTERVAL_NS,
+    CollectedLook,
+    LookCollector,
+    as_image,
+    interval_ns,
+    mean_rate,
+    pose_times_ns,
+    thin,
+)
 from fti.nav.look_diagnosis import LookDiagnosis, describe
 from fti.nav.look_pairs import LookPairs, PairResult
 from fti.nav.scan_matching.registration import Refusal, ScanDrift
@@ -57,7 +78,11 @@ MAX_HEADING_SD, MAX_YAW = 0.75 * YAW_DRIFT.sd, 2.5 * YAW_DRIFT.sd
 #: latter is more than half of a frame, and less than wrong times that were flown: 50 ms were estimated as 27 and more.
 MAX_CLOCK_SD, MAX_CLOCK = 0.5 * CLOCK_DRIFT.sd, 2.0 * CLOCK_DRIFT.sd
 #: Errors of the sensor: sigma of a sound one, and largest estimate.
-LIMITS_OF_ERRORS = {CLOCK: (CLOCK_DRIFT, MAX_CLOCK), YAW: (YAW_DRIFT, MAX_YAW)}
+LIMITS_OF_ERRORS = {
+    CLOCK: (CLOCK_DRIFT, MAX_CLOCK),
+    YAW: (YAW_DRIFT, MAX_YAW),
+    **dict.fromkeys(SECOND_MOUNTING, (SECOND_DRIFT, 2.5 * SECOND_DRIFT.sd)),
+}
 #: An error beyond its limit must be known to be one: share of the pairs in its information, and sigmas.
 MIN_SHARE_OF_PAIRS, MIN_SIGMAS = 0.25, 4.0
 #: Satellites were accepted within so long [ns].
@@ -134,16 +159,22 @@ class Calibration:
 
 
 class GroundDriftAiding:
-    """The drift over the ground from the scans of one device.  aided : the filter that it aids"""
+    """The drift over the ground from the scans of one device, or two.
 
-    def __init__(self, settings: ScanDriftTable, device: Device, aided: AidedNavigation) -> None:
+    devices : all, by name;  aided : the filter that it aids
+    """
+
+    def __init__(self, settings: ScanDriftTable, devices: Mapping[str, Device], aided: AidedNavigation) -> None:
         self._settings, self._aided = settings, aided
-        self._name, self._lever_arm_b = device.name, np.array(device.lever_arm_b)
+        self._lever_arms_b = {name: np.array(devices[name].lever_arm_b) for name in settings.devices}
         self._looks, self._pairs = (
-            LookCollector(settings, device),
+            LookCollector(settings, [devices[name] for name in settings.devices]),
             LookPairs(LOOKS - 1, time_sd=1e-3 * settings.time_sd_ms, share_sd=SHARE_SD),
         )
-        self._calibration, self._diagnosis = Calibration(), LookDiagnosis(REFUSED_COUNT)
+        self._calibration, self._diagnosis = (
+            Calibration(),
+            LookDiagnosis(REFUSED_COUNT, has_second_scanner=settings.second_device is not None),
+        )
         self._is_explained = False  # the cause of the contradiction has been reported
         self._look_ns: int | None = None  # of the last look that is in a pair
         self._counts = [0, 0]  # pairs; of them refused
@@ -153,18 +184,20 @@ class GroundDriftAiding:
 
     def accepts(self, device: str, kind: type[Measurement]) -> bool:
         """Whether measurements of a kind of a device are scans of the looks."""
-        return device == self._name and issubclass(kind, RangeScan)
+        return device in self._lever_arms_b and issubclass(kind, RangeScan)
 
     def feed(self, device: str, m: Measurement, t_ns: int) -> None:
         """Take a scan whose first point was measured at t_ns."""
-        if isinstance(m, RangeScan) and m.valid and device == self._name:
+        if isinstance(m, RangeScan) and m.valid and device in self._lever_arms_b:
             if self._shows_clock(t_ns):
                 self._looks.next_ns = t_ns
-            self._looks.feed(m, t_ns)
+            self._looks.feed(device, m, t_ns)
 
     def _shows_clock(self, t_ns: int) -> bool:
         """Whether a look at t_ns, before the next one is due, is in a roll that shows the unknown time of the scans."""
         last_ns, drift = self._look_ns, self._drift
+        if self._settings.second_device is not None:  # the rear scanner does not see the ground of the front one then
+            return False
         if last_ns is None or self._looks.is_collecting or not last_ns + ROLL_LOOK_NS <= t_ns < self._looks.next_ns:
             return False
         if drift is None or drift.clock_sd is None or drift.clock_sd <= MAX_CLOCK_SD:
@@ -175,38 +208,41 @@ class GroundDriftAiding:
 
     def tick(self, t_ns: int) -> list[GroundDrift | Event]:
         """Compare a look that is complete; repeat the last output; events."""
-        look = self._looks.take(t_ns, self._aided.newest_ns)
-        if look is not None:
-            self._drift = replace(self._compare(look, t_ns), t_ns=t_ns)
+        looks = self._looks.take(t_ns, self._aided.newest_ns)
+        if looks is not None:
+            self._drift = replace(self._compare(looks, t_ns), t_ns=t_ns)
         out: list[GroundDrift | Event] = [*self._events]
         self._events.clear()
-        if look is not None or t_ns - self._sent_ns >= REPEAT_NS:
+        if looks is not None or t_ns - self._sent_ns >= REPEAT_NS:
             self._sent_ns = t_ns
             out.append(self._repeat(t_ns))
         return out
 
     # ----------------------------------------------------------------------------------------------------------- pairs
 
-    def _compare(self, look: CollectedLook, t_ns: int) -> GroundDrift:
-        """Compare a look with the first of its pair, and let the drift aid."""
-        estimate = self._aided.estimate(look.t_ns)
-        look = look if estimate is None else thin(look, estimate.mat_en.T @ estimate.mat_eb)
-        estimates = [self._aided.estimate(at_ns) for at_ns in look.pose_times_ns]
-        history = [each for each in estimates if each is not None]
-        output = GroundDrift(t_ns=t_ns, t_valid_ns=look.t_ns, valid=False, reasons=(), points=len(look.ranges))
-        if estimate is None or len(history) < len(estimates):
+    def _compare(self, looks: Sequence[CollectedLook], t_ns: int) -> GroundDrift:
+        """Compare a look with the first of its pair, and let the drift aid.  looks : of the devices, of one time"""
+        look_ns = looks[0].t_ns
+        estimate = self._aided.estimate(look_ns)
+        history = [self._aided.estimate(at_ns) for at_ns in pose_times_ns(looks)]
+        known = [each for each in history if each is not None]
+        output = GroundDrift(t_ns=t_ns, t_valid_ns=look_ns, valid=False, reasons=(), points=len(looks[-1].ranges))
+        if estimate is None or len(known) < len(history):
             self._restart()
-            self._looks.next_ns = look.t_ns + MIN_INTERVAL_NS
+            self._looks.wait(MIN_INTERVAL_NS)
             return replace(output, reasons=(Reason.NO_POSITION,))
-        self._looks.next_ns = look.t_ns + interval_ns(look, estimate)
-        if self._look_ns is not None and look.t_ns - self._look_ns > MAX_GAP_NS:
+        images = [
+            thin(as_image(look, estimate, known, lever_arm_b, self._settings.range_sd_m), estimate)
+            for look, lever_arm_b in zip(looks, self._lever_arms_b.values(), strict=True)
+        ]
+        self._looks.wait(interval_ns(images, estimate))
+        if self._look_ns is not None and look_ns - self._look_ns > MAX_GAP_NS:
             self._pairs.clear()
-        self._look_ns = look.t_ns
-        image = as_image(look, estimate, history, self._lever_arm_b, self._settings.range_sd_m)
-        result = self._pairs.feed(estimate, image)
-        output = replace(output, **_sensor_errors(estimate))
+        self._look_ns = look_ns
+        result = self._pairs.feed(estimate, images, mean_rate(known))
+        output = replace(output, points=len(images[-1].ranges), **_sensor_errors(estimate))
         if result.drift is None:
-            self._aided.feed_look(look.t_ns, result.mark)
+            self._aided.feed_look(look_ns, result.mark)
             return replace(output, reasons=(Reason.NOTHING_TO_COMPARE,))
         return self._use(result, complete_drift(output, result.drift, estimate), estimate)
 
@@ -260,7 +296,8 @@ class GroundDriftAiding:
         if begins or cause:
             self._is_explained = bool(cause)
             reason = cause or "its mounting, clock or ranges are wrong, or the filter is"
-            text = f"pairs of {self._name} contradict the filter: {reason}; it aids again after a calibration"
+            names = " and ".join(self._lever_arms_b)
+            text = f"pairs of {names} contradict the filter: {reason}; it aids again after a calibration"
             self._report(t_ns, "warning", text)
 
     def _report(self, t_ns: int, level: str, text: str) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 
 from msgspec import structs
 
-from fti.config import Device, Filter
+from fti.config import Device, Filter, ScanDriftTable
 from fti.constants import SECOND_NS
 from fti.geodesy.formulas import Vector, down_row
 from fti.messages.measurements import (
@@ -40,6 +40,7 @@ from fti.nav.confirmation import Confirmation, Size
 from fti.nav.dead_reckoning_aids import DeadReckoningAids
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude
+from fti.nav.filter.delayed_measurements import HORIZON_NS
 from fti.nav.filter.error_states import (
     AIRSPEED_DRIFTS,
     ALTIMETER_BIAS,
@@ -112,15 +113,20 @@ class AidedNavigation:
 
     settings : which devices feed them; devices : all, by name
     map_sd   : horizontal sigma of the elevation if positions from the ground aid [m]; None: they do not
-    has_looks : whether the drift between looks at the ground aids
+    looks    : settings of the drift between looks at the ground if it aids
     """
 
     def __init__(
-        self, settings: Filter, devices: dict[str, Device], map_sd: float | None = None, *, has_looks: bool = False
+        self,
+        settings: Filter,
+        devices: dict[str, Device],
+        map_sd: float | None = None,
+        looks: ScanDriftTable | None = None,
     ) -> None:
         self._settings = settings
         self._arms = {name: device.lever_arm_b for name, device in devices.items()}
-        self._navigator = InertialNavigator(_model(settings, map_sd, LOOKS if has_looks else 0))
+        exposure_ns = round(looks.exposure_s * SECOND_NS) if looks else 0  # a look is placed after its last point
+        self._navigator = InertialNavigator(_model(settings, map_sd, looks), HORIZON_NS + exposure_ns)
         self._exclusions = ExclusionEvents(self._navigator, settings.altimeters)
         self._faults = FaultDetection(self._navigator, settings)
         self._dead_reckoning = DeadReckoningAids(settings)
@@ -528,7 +534,7 @@ def _drift_factor(sd: float, drift: Drift) -> float:
     return max(1.0, sd / drift.sd)
 
 
-def _model(settings: Filter, map_sd: float | None, looks: int) -> FilterModel:
+def _model(settings: Filter, map_sd: float | None, looks: ScanDriftTable | None) -> FilterModel:
     extras = receiver_drifts(settings.gnss)
     if settings.baro:
         extras |= {Extra.BARO: BARO_DRIFT, Extra.BARO_SCALE: BARO_SCALE_DRIFT}
@@ -539,6 +545,6 @@ def _model(settings: Filter, map_sd: float | None, looks: int) -> FilterModel:
     extras |= AIRSPEED_DRIFTS if settings.airspeed else {}
     extras |= HEADING_DRIFTS if settings.heading else {}
     extras |= mark_drifts(map_sd) if map_sd is not None else {}
-    extras |= look_drifts(looks) if looks else {}
+    extras |= look_drifts(LOOKS, has_second_scanner=looks.second_device is not None) if looks else {}
     unit, biased = IMU_ERROR_MODELS[settings.unit], settings.states == 15
     return outage_model(unit, extras, biased=biased) if looks else FilterModel(unit, biased, extras)

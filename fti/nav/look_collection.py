@@ -5,6 +5,9 @@ when the aircraft has flown half of its length on the ground: the product of ove
 (``RangeImager.best_interval``), and two pairs in succession have no ground in common.  With shorter steps they had, and
 the errors of their drifts would not be independent.
 
+Two line scanners, one of which looks ahead, measure two strips at a time.  The next look begins when the rear one sees
+what the front one has seen: each strip is in one pair only.
+
 The time of a look is the middle of its points.  Each point has the pose of its own time, from the history of the
 filter, and is stated as seen from the aircraft at the time of the look: the error of the filter hardly changes within
 a look.  A look of more than ``MAX_POINTS`` is thinned to one point of each cell of the ground.
@@ -26,7 +29,6 @@ from fti.geodesy.formulas import mat_nb
 from fti.messages.measurements import RangeScan
 from fti.nav.filter.estimate import Estimate
 from fti.nav.look_pairs import RangeImage
-from fti.nav.scan_matching.look import Look
 from fti.nav.scan_matching.registration import point_distance
 from fti.nav.scan_matching.thinning import one_per_cell
 from fti.ranging.interpolation import interpolate_poses
@@ -39,6 +41,8 @@ MAX_POINTS = 6000
 CHECKED_CELL, MIN_OCCUPIED_SHARE, MAX_ANISOTROPY = 1.5, 0.9, 10.0
 #: Points beyond are no ground of a pair [m].
 MAX_RANGE_M = 10_000.0
+#: Times, ranges and directions of no points.
+NO_POINTS = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
 #: A unit vector has this length, to the resolution of float32.
 LENGTH_TOLERANCE = 1e-3
 #: Shortest and longest time from one look to the next [ns].
@@ -67,49 +71,48 @@ class CollectedLook(NamedTuple):
     ranges: Array
     directions_b: Array
 
-    @property
-    def pose_times_ns(self) -> list[int]:
-        """Times of the poses that place it: one, or several from the first point to the last."""
-        if not len(self.times_ns):
-            return [self.t_ns]
-        first, last = int(self.times_ns.min()), int(self.times_ns.max())
-        count = -(-(last - first) // POSE_NS)
-        return [first + (last - first) * k // count for k in range(count + 1)] if count else [self.t_ns]
-
 
 class LookCollector:
-    """Collects the scans of one device.
+    """Collects the scans of one device, or of two at the same time.
 
     next_ns : a scan of this time or later begins a look
     """
 
-    def __init__(self, settings: ScanDriftTable, device: Device) -> None:
+    def __init__(self, settings: ScanDriftTable, devices: Sequence[Device]) -> None:
         self._exposure_ns = round(settings.exposure_s * SECOND_NS)
-        self._to_body = np.array(mat_nb(*(math.radians(angle) for angle in device.rpy_bs_deg)))
+        self._to_body = {device.name: _mat_bs(device) for device in devices}
         self.next_ns = 0
         self._begin_ns = 0  # of the last look
         self._end_ns = 0
-        self._scans: list[CollectedLook] | None = None  # None: complete
+        self._scans: dict[str, list[CollectedLook]] | None = None  # by device; None: complete
 
     @property
     def is_collecting(self) -> bool:
         """Whether a look is not complete."""
         return self._scans is not None
 
-    def feed(self, scan: RangeScan, t_ns: int) -> None:
+    def feed(self, device: str, scan: RangeScan, t_ns: int) -> None:
         """Take a scan whose first point was measured at t_ns; one that belongs to no look is left out."""
         if t_ns >= self.next_ns:
-            self._begin_ns, self._end_ns, self._scans = t_ns, t_ns + self._exposure_ns, []
+            self._begin_ns, self._end_ns = t_ns, t_ns + self._exposure_ns
+            self._scans = {name: [] for name in self._to_body}
             self.next_ns = t_ns + MAX_INTERVAL_NS
         if self._scans is None or not self._begin_ns <= t_ns <= self._end_ns:
             return
-        points = self._read(scan, t_ns)
-        self._scans.append(points)
+        points = _read(scan, t_ns, self._to_body[device])
+        self._scans[device].append(points)
         if not self._exposure_ns and len(points.times_ns):
             self._end_ns = max(int(points.times_ns.max()), t_ns)
 
-    def take(self, t_ns: int, newest_ns: int | None) -> CollectedLook | None:
-        """The look that is complete at t_ns, once.  newest_ns : of the inertial samples, which must reach beyond it."""
+    def wait(self, interval_ns: int) -> None:
+        """The next look begins so long after the beginning of the last one."""
+        self.next_ns = self._begin_ns + interval_ns
+
+    def take(self, t_ns: int, newest_ns: int | None) -> list[CollectedLook] | None:
+        """The look that is complete at t_ns, once: one for each device, of the same time.
+
+        newest_ns : of the inertial samples, which must reach beyond it
+        """
         if self._scans is None or t_ns < self._end_ns + LATE_NS:
             return None
         if newest_ns is None or newest_ns <= self._end_ns:
@@ -117,46 +120,76 @@ class LookCollector:
                 self._scans, self.next_ns = None, t_ns
             return None
         scans, self._scans = self._scans, None
-        times, ranges, directions = (np.concatenate([scan[part] for scan in scans]) for part in (1, 2, 3))
-        middle_ns = (int(times.min()) + int(times.max())) // 2 if len(times) else scans[0].t_ns
-        return CollectedLook(middle_ns, times, ranges, directions)
-
-    def _read(self, scan: RangeScan, t_ns: int) -> CollectedLook:
-        """The points of a scan that have a return."""
-        try:
-            with np.errstate(invalid="ignore"):  # offsets that are not finite
-                points = scan_points(scan)
-        except ValueError:  # arrays of different lengths
-            return CollectedLook(t_ns, np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3)))
-        begin_ns = scan.stamp.t_rx_ns if scan.stamp.t_valid_ns is None else scan.stamp.t_valid_ns
-        offsets_ns = points.times_ns - begin_ns
-        lengths = np.einsum("ij,ij->i", points.directions_s, points.directions_s)
-        with np.errstate(invalid="ignore"):
-            is_used = (points.ranges > 0.0) & (points.ranges < MAX_RANGE_M) & (abs(lengths - 1.0) < LENGTH_TOLERANCE)
-        is_used &= (offsets_ns >= 0) & (offsets_ns <= MAX_SCAN_NS)
-        directions_b = points.directions_s[is_used].astype(np.float64) @ self._to_body.T
-        return CollectedLook(t_ns, t_ns + offsets_ns[is_used], points.ranges[is_used].astype(np.float64), directions_b)
+        times = np.concatenate([scan.times_ns for each in scans.values() for scan in each])
+        middle_ns = (int(times.min()) + int(times.max())) // 2 if len(times) else self._begin_ns
+        return [_joined(each, middle_ns) for each in scans.values()]
 
 
-def thin(look: CollectedLook, mat_lb: Array) -> CollectedLook:
-    """At most about ``MAX_POINTS``, as dense along the track as across.  mat_lb : body frame to east, north, up
+def _mat_bs(device: Device) -> Array:
+    return np.array(mat_nb(*(math.radians(angle) for angle in device.rpy_bs_deg)))
+
+
+def _joined(scans: Sequence[CollectedLook], t_ns: int) -> CollectedLook:
+    """The points of all scans."""
+    if not scans:
+        return CollectedLook(t_ns, *NO_POINTS)
+    times, ranges, directions = (np.concatenate([scan[part] for scan in scans]) for part in (1, 2, 3))
+    return CollectedLook(t_ns, times, ranges, directions)
+
+
+def _read(scan: RangeScan, t_ns: int, mat_bs: Array) -> CollectedLook:
+    """The points of a scan that have a return."""
+    try:
+        with np.errstate(invalid="ignore"):  # offsets that are not finite
+            points = scan_points(scan)
+    except ValueError:  # arrays of different lengths
+        return CollectedLook(t_ns, *NO_POINTS)
+    begin_ns = scan.stamp.t_rx_ns if scan.stamp.t_valid_ns is None else scan.stamp.t_valid_ns
+    offsets_ns = points.times_ns - begin_ns
+    lengths = np.einsum("ij,ij->i", points.directions_s, points.directions_s)
+    with np.errstate(invalid="ignore"):
+        is_used = (points.ranges > 0.0) & (points.ranges < MAX_RANGE_M) & (abs(lengths - 1.0) < LENGTH_TOLERANCE)
+    is_used &= (offsets_ns >= 0) & (offsets_ns <= MAX_SCAN_NS)
+    directions_b = points.directions_s[is_used].astype(np.float64) @ mat_bs.T
+    return CollectedLook(t_ns, t_ns + offsets_ns[is_used], points.ranges[is_used].astype(np.float64), directions_b)
+
+
+def pose_times_ns(looks: Sequence[CollectedLook]) -> list[int]:
+    """Times of the poses that place looks of one time: one, or several from the first point to the last."""
+    times = np.concatenate([look.times_ns for look in looks])
+    if not len(times):
+        return [looks[0].t_ns]
+    first, last = int(times.min()), int(times.max())
+    count = -(-(last - first) // POSE_NS)
+    return [first + (last - first) * k // count for k in range(count + 1)] if count else [looks[0].t_ns]
+
+
+def mean_rate(estimates: Sequence[Estimate]) -> Array | None:
+    """Turn rate from the first estimate to the last, e, shape (3,) [rad/s]; None for a single one."""
+    first, last = estimates[0], estimates[-1]
+    if last.t_ns - first.t_ns <= MAX_SCAN_NS:
+        return None
+    turn = last.mat_eb @ first.mat_eb.T
+    axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    return np.asarray(axis * SECOND_NS / (last.t_ns - first.t_ns))
+
+
+def thin(image: RangeImage, middle: Estimate) -> RangeImage:
+    """At most about ``MAX_POINTS``, as dense along the track as across.  middle : the filter's, at the time of the look
 
     The beams of a scanner that turns are farther apart than the points of a beam.  The lattice of the registration has
     the mean distance as its step, and finds no plane between beams unless each has points as far apart as the beams.
     """
-    count = len(look.ranges)
-    directions_l = look.directions_b @ mat_lb.T
-    points_l = look.ranges[:, None] * directions_l
-    distance = point_distance(Look(points_l, directions_l, np.zeros(count), 1.0)) if count else 0.0
+    count = len(image.ranges)
+    along, across, up = _places(image, middle)
+    points_l = np.stack((along, across, up), axis=1)
+    distance = point_distance(points_l) if count else 0.0
     if not distance > 0.0:
-        return look
+        return image
     first = cell = distance * max(math.sqrt(count / MAX_POINTS), 1.0)
     while cell < MAX_ANISOTROPY * first and _occupied_share(points_l, CHECKED_CELL * cell) < MIN_OCCUPIED_SHARE:
         cell *= 1.2
-    if cell == distance:
-        return look
-    kept = one_per_cell(points_l, cell)
-    return CollectedLook(look.t_ns, look.times_ns[kept], look.ranges[kept], look.directions_b[kept])
+    return image if cell == distance else image.part(one_per_cell(points_l, cell))
 
 
 def _occupied_share(points_l: Array, cell: float) -> float:
@@ -170,22 +203,42 @@ def _occupied_share(points_l: Array, cell: float) -> float:
     return len(np.unique(cells[:, 0] * 2**31 + cells[:, 1])) / float(np.prod(cells.max(axis=0) + 1))
 
 
-def interval_ns(look: CollectedLook, middle: Estimate) -> int:
-    """Time until the aircraft has flown half of the length of a look on the ground, below it.
+def interval_ns(images: Sequence[RangeImage], middle: Estimate) -> int:
+    """Time to the next look: half of the length of a look on the ground, or until the rear scanner sees it.
 
-    middle : the filter's estimate, at the time of the look
+    images : of the devices;  middle : the filter's estimate, at the time of the look
     """
-    speed = float(np.linalg.norm(middle.vel_n[:2]))
-    if not len(look.ranges) or not speed > 0.0:
+    if any(not len(image.ranges) for image in images):
         return MIN_INTERVAL_NS
-    north, east = middle.vel_n[:2] / speed
-    points_n = look.ranges[:, None] * look.directions_b @ middle.mat_nb.T
-    along, across = (points_n[:, :2] @ [[north, -east], [east, north]]).T
-    below = along[np.abs(across) <= NEAR_SHARE * np.median(look.ranges)]
+    speed = float(np.linalg.norm(middle.vel_n[:2]))
+    distance = _half_length(images[0], middle) if len(images) == 1 else _distance_ahead(images, middle)
+    seconds = distance / speed if speed > 0.0 else 0.0
+    return int(min(max(seconds * SECOND_NS, MIN_INTERVAL_NS), MAX_INTERVAL_NS))
+
+
+def _half_length(image: RangeImage, middle: Estimate) -> float:
+    """Half of the length of a look on the ground, below the aircraft [m]."""
+    along, across, _ = _places(image, middle)
+    below = along[np.abs(across) <= NEAR_SHARE * np.median(image.ranges)]
     edges = 0.5 - 0.5 * LENGTH_SHARE, 0.5 + 0.5 * LENGTH_SHARE
     first, last = np.quantile(below if len(below) else along, edges)
-    seconds = 0.5 * float(last - first) / LENGTH_SHARE / speed
-    return int(min(max(seconds * SECOND_NS, MIN_INTERVAL_NS), MAX_INTERVAL_NS))
+    return 0.5 * float(last - first) / LENGTH_SHARE
+
+
+def _distance_ahead(images: Sequence[RangeImage], middle: Estimate) -> float:
+    """Distance from the ground that the last scanner sees to that of the first one, along the track [m]."""
+    first, last = (float(np.median(_places(images[k], middle)[0])) for k in (0, -1))
+    return first - last
+
+
+def _places(image: RangeImage, middle: Estimate) -> tuple[Array, Array, Array]:
+    """Points along the track, across to the right and up, from the aircraft at the time of the look, (n,) each [m]."""
+    speed = float(np.linalg.norm(middle.vel_n[:2]))
+    north, east = middle.vel_n[:2] / speed if speed > 0.0 else (1.0, 0.0)
+    to_track = np.array([[north, east, 0.0], [-east, north, 0.0], [0.0, 0.0, -1.0]])
+    points_b = image.origins_b + image.ranges[:, None] * image.directions_b
+    along, across, up = (points_b @ (to_track @ middle.mat_en.T @ middle.mat_eb).T).T
+    return along, across, up
 
 
 def as_image(
@@ -193,7 +246,7 @@ def as_image(
 ) -> RangeImage:
     """The look as seen from the aircraft at its time.
 
-    middle, estimates : the filter's then, and at ``pose_times_ns``
+    middle, estimates : the filter's then, and at the times of ``pose_times_ns``
     lever_arm_b : P to the sensor [m];  sd : of a range [m]
     """
     if len(estimates) < 2:

@@ -20,19 +20,29 @@ import numpy as np
 from fti.arrays import Array
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import LIMITS
-from fti.nav.filter.look_mark import CLOCK, SHARE, YAW, LookDrift
+from fti.nav.filter.look_mark import CLOCK, SECOND_MOUNTING, SHARE, YAW, LookDrift
 
 #: Advantage over other kinds in the sum of squares: 3 sigma.
 MIN_ADVANTAGE = 9.0
 ROLL, PITCH = "roll", "pitch"
-TURNED = "rpy_bs_deg turns it {:.1f} deg too far {}"
+TURNED, SECOND_TURNED = (f"rpy_bs_deg {each} {{:.1f}} deg too far {{}}" for each in ("turns it", "turns the rear one"))
+TO_THE_SIDE, FRONT, SIDE = (
+    ("to the right", "to the left"),
+    ("front up", "front down"),
+    ("right side down", "left side down"),
+)
 #: Text of each kind, its factor to the unit of the text, and the words for a positive and a negative value.
 TEXTS = {
     CLOCK: ("its scans are stamped {:.0f} ms too {} (latency_ms)", 1e3, ("late", "early")),
-    YAW: (TURNED, math.degrees(1.0), ("to the right", "to the left")),
-    PITCH: (TURNED, math.degrees(1.0), ("front up", "front down")),
-    ROLL: (TURNED, math.degrees(1.0), ("right side down", "left side down")),
+    YAW: (TURNED, math.degrees(1.0), TO_THE_SIDE),
+    PITCH: (TURNED, math.degrees(1.0), FRONT),
+    ROLL: (TURNED, math.degrees(1.0), SIDE),
     SHARE: ("its ranges are {:.1f} % too {}", 100.0, ("long", "short")),
+}
+#: Of the rear one of two scanners.
+SECOND_TEXTS = {
+    name: (SECOND_TURNED, math.degrees(1.0), words)
+    for name, words in zip(SECOND_MOUNTING, (SIDE, FRONT, TO_THE_SIDE), strict=True)
 }
 
 
@@ -45,11 +55,12 @@ class _Contradiction(NamedTuple):
 
 
 class LookDiagnosis:
-    """The last pairs that contradict the filter.  count : of pairs"""
+    """The last pairs that contradict the filter.  count : of pairs;  has_second_scanner : whether they are of two"""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, has_second_scanner: bool = False) -> None:
         self._pairs: deque[_Contradiction] = deque(maxlen=count)
-        self._known = np.zeros(len(TEXTS))
+        self._kinds = [*TEXTS, *(SECOND_TEXTS if has_second_scanner else ())]
+        self._known = np.zeros(len(self._kinds))
 
     def clear(self) -> None:
         """Forget the pairs."""
@@ -60,15 +71,15 @@ class LookDiagnosis:
         z, H, R = measured.compute_matrices(estimate)
         errors = measured.effects_of_errors(estimate)
         errors |= {name: measured.effect_of_mounting(estimate, axis) for axis, name in enumerate((ROLL, PITCH))}
-        effects = np.array([measured.axes_e @ errors[name] for name in TEXTS])
-        self._known = np.array([estimate.drift(name) or 0.0 for name in TEXTS])
+        effects = np.array([measured.axes_e @ errors[name] for name in self._kinds])
+        self._known = np.array([estimate.drift(name) or 0.0 for name in self._kinds])
         self._pairs.append(_Contradiction(z, H @ estimate.P @ H.T + R, effects))
 
     def cause(self) -> str:
         """The error that explains them, with its value; "" if none does, or several do."""
         if not self._pairs:
             return ""
-        a, b = np.zeros(len(TEXTS)), np.zeros(len(TEXTS))
+        a, b = np.zeros(len(self._kinds)), np.zeros(len(self._kinds))
         for pair in self._pairs:
             weighted = np.linalg.solve(pair.cov, pair.effects.T)
             a += np.einsum("km,mk->k", pair.effects, weighted)
@@ -79,12 +90,12 @@ class LookDiagnosis:
         fits = all(_nis(pair, best, values[best]) <= LIMITS[len(pair.innovation)] for pair in self._pairs)
         if not fits or explained[best] - explained[second] < MIN_ADVANTAGE:
             return ""
-        return describe(list(TEXTS)[best], float(values[best] + self._known[best]))
+        return describe(self._kinds[best], float(values[best] + self._known[best]))
 
 
 def describe(name: str, value: float) -> str:
     """Text of an error of the sensor.  value : [s], [rad] or a share"""
-    text, factor, (positive, negative) = TEXTS[name]
+    text, factor, (positive, negative) = {**TEXTS, **SECOND_TEXTS}[name]
     return text.format(factor * abs(value), positive if value > 0.0 else negative)
 
 

@@ -7,11 +7,14 @@ one pair as the first and in one as the second.  The filter marks position and a
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fti.arrays import Array
 from fti.constants import SECOND_NS
@@ -21,7 +24,7 @@ from fti.nav.filter.aiding import skew
 from fti.nav.filter.error_states import FilterModel, outage_model
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.kernels import largest_sd
-from fti.nav.filter.look_mark import CLOCK, LookDrift, LookMark, look_drifts
+from fti.nav.filter.look_mark import CLOCK, SECOND_MOUNTING, LookDrift, LookMark, look_drifts
 from fti.nav.filter.measurement_update import update_estimate
 from fti.nav.scan_matching.look import Look, place_look
 from fti.nav.scan_matching.registration import ScanDrift, point_distance, register
@@ -53,6 +56,12 @@ class RangeImage:
     sd: float
     origins_b: Array = field(default_factory=lambda: np.zeros(3))
     offsets_s: Array | None = None
+
+    def part(self, kept: NDArray[np.intp]) -> RangeImage:
+        """The ranges of these indices only."""
+        origins_b = self.origins_b if self.origins_b.ndim == 1 else self.origins_b[kept]
+        offsets_s = None if self.offsets_s is None else self.offsets_s[kept]
+        return RangeImage(self.ranges[kept], self.directions_b[kept], self.sd, origins_b, offsets_s)
 
 
 class _PlacedImage(NamedTuple):
@@ -107,21 +116,29 @@ class LookPairs:
         """Forget the looks: they are not compared with later ones."""
         self._looks.clear()
 
-    def feed(self, estimate: Estimate, image: RangeImage) -> PairResult:
-        """Compare a look with the first of its pair.  estimate : the filter's, at the time of the look"""
+    def feed(self, estimate: Estimate, images: Sequence[RangeImage], rate_e: Array | None = None) -> PairResult:
+        """Compare a look with the first of its pair.
+
+        estimate : the filter's, at the time of the look
+        images   : what is compared with later looks; and what is compared with earlier ones, of the rear one of two
+            scanners, if that is another one
+        rate_e   : mean turn rate during the look [rad/s]; None: that of the estimate
+        """
         mark = LookMark(self._count % self.slots, estimate.y[:3].copy(), estimate.mat_eb.copy())
-        rate_e = estimate.mat_eb @ (estimate.imu[3:6] - estimate.y[GYRO])
-        self._looks.append(_PlacedImage(image, mark, estimate.t_ns, estimate.y[3:6].copy(), rate_e))
+        if rate_e is None:
+            rate_e = estimate.mat_eb @ (estimate.imu[3:6] - estimate.y[GYRO])
+        look = _PlacedImage(images[0], mark, estimate.t_ns, estimate.y[3:6].copy(), rate_e)
+        self._looks.append(look)
         self._count += 1
         if len(self._looks) < self.slots:
             return PairResult(mark, None, None)
-        return PairResult(mark, *self._compare(estimate, self._looks[0], self._looks[-1]))
+        return PairResult(mark, *self._compare(estimate, self._looks[0], look._replace(image=images[-1])))
 
     def _compare(
         self, estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage
     ) -> tuple[ScanDrift | None, LookDrift | None]:
         """The drift between two looks, if the first is a state of the filter.  estimate : the filter's, at the later"""
-        pair = _Pair(estimate, earlier, later)
+        pair = _Pair(estimate, earlier, later, has_two_scanners=SECOND_MOUNTING[0] in estimate.model.columns)
         if not pair.sd <= MAX_EXPECTED_SD_M:
             return None, None
         drift = pair.register()
@@ -151,16 +168,21 @@ class _Pair:
     distance : of the points of the later look [m]
     """
 
-    def __init__(self, estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage) -> None:
+    def __init__(
+        self, estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage, *, has_two_scanners: bool
+    ) -> None:
         self.frame, self._looks = LocalFrame(*estimate.geodetic), (earlier, later)
         self._known_late = estimate.drift(CLOCK)
         second = _place(later, self.frame, later.t_ns)
-        self.distance = point_distance(second) if len(second) else 0.0
+        self.distance = point_distance(second.points_l) if len(second) else 0.0
         self._middle_l = np.mean(second.points_l, axis=0) if len(second) else np.zeros(3)
         middle_e = self.frame.origin_e + self.frame.mat_le.T @ self._middle_l
         expected_e, self.sd = _expected_drift(estimate, earlier, later, middle_e)
         self._expected_l = self.frame.mat_le @ (expected_e - self._known_late * self.motion_at(middle_e))
-        self._turn_l = self.frame.mat_le @ earlier.mark.states_of(estimate)[3:]
+        mounting_b = np.array([estimate.drift(name) for name in SECOND_MOUNTING])
+        turn_e = earlier.mark.states_of(estimate)[3:] + later.mark.mat_eb @ mounting_b
+        self._turn_l = self.frame.mat_le @ turn_e
+        self._tilt_axis = _across(self.frame, later.vel_e) if has_two_scanners else None
 
     def motion_at(self, point_e: Array) -> Array:
         """Velocity of a point that is fixed to the aircraft, at the later look minus at the earlier one [m/s]."""
@@ -187,7 +209,8 @@ class _Pair:
         """The drift of the looks as they are stamped, found with all times so much earlier [s]."""
         first, second = (_place(each.before(late), self.frame, self._looks[1].t_ns) for each in self._looks)
         moved = second.moved(-self._expected_l - (second.points_l - self._middle_l) @ skew(self._turn_l).T)
-        drift = register(first, moved, self.sd, changing=self._looks[1].image.offsets_s is not None)
+        changing = self._looks[1].image.offsets_s is not None
+        drift = register(first, moved, self.sd, changing=changing, tilt_axis=self._tilt_axis)
         if not len(drift.drift):
             return drift
         centre_e = self.frame.origin_e + self.frame.mat_le.T @ drift.centre_l
@@ -203,6 +226,12 @@ class _Pair:
         rest = found.drift - found.axes_l @ (self._expected_l + self._known_late * motion_l)
         weighted = np.linalg.solve(found.cov, found.axes_l @ motion_l)
         return float(weighted @ rest / (weighted @ found.axes_l @ motion_l))
+
+
+def _across(frame: LocalFrame, vel_e: Array) -> Array:
+    """Level unit vector to the right of a velocity, east and north."""
+    east, north, _ = frame.mat_le @ vel_e
+    return np.array([north, -east]) / max(math.hypot(north, east), np.finfo(float).tiny)
 
 
 def _uncertainty(found: ScanDrift) -> tuple[int, float]:
@@ -245,7 +274,7 @@ def warm_up() -> None:
     for offsets_s in (None, np.linspace(-0.05, 0.05, len(x))):
         pairs = LookPairs(1)
         for image in 2 * [RangeImage(ranges, directions_b, 0.1, offsets_s=offsets_s)]:
-            result = pairs.feed(estimate, image)
+            result = pairs.feed(estimate, [image])
             estimate = update_estimate(estimate, {}, result.mark, 0).estimate
         for is_on_trial in (True, False):
             if result.aiding is not None:

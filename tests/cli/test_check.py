@@ -823,6 +823,39 @@ def test_a_wrong_drift_over_the_ground_is_one_sentence(
     assert error in capsys.readouterr().err
 
 
+def test_two_line_scanners_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(ROOT / "configs" / "scan_drift_pair.toml")]) == 0
+    assert "drift       strips of 1.5 s, of front and later of rear, aid the filter" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "error"),
+    [
+        ('second_device = "rear"', "", "nav.scan_drift.second_device a line scanner that looks back"),
+        ('second_device = "rear"', 'second_device = "raer"', "nav.scan_drift.second_device: "),
+        ('second_device = "rear"', 'second_device = "front"', "is the device; must be the rear line scanner"),
+        ('second_device = "rear"', 'second_device = "receiver"', "ublox_ubx gives no scans"),
+        ("exposure_s = 1.5", "", "exposure_s = 0: a scan of front is a line; must be the duration of a strip"),
+        ("exposure_s = 1.5", "exposure_s = 2", "nav.scan_drift.exposure_s = 2"),
+        ("[0.0, -15.0, 0.0]", "[0.0, 15.0, 0.0]", "front does not look further ahead than rear"),
+        (
+            'grid = "lines"\nrows = 1\ncolumns = 200\nfield_of_view_deg = [0, 60]',
+            "rows = 10\ncolumns = 20\nfield_of_view_deg = [60, 60]",
+            "front gives no lines; only two",
+        ),
+    ],
+)
+def test_a_wrong_pair_of_line_scanners_is_one_sentence(
+    before: str, after: str, error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "configs" / "scan_drift_pair.toml").read_text()
+    assert before in text
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(text.replace(before, after, 1))
+    assert main(["check", str(wrong)]) == 2
+    assert error in capsys.readouterr().err
+
+
 def test_a_scanner_that_turns_needs_the_duration_of_a_look(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = (ROOT / "configs" / "scan_drift.toml").read_text()
     begin, end = text.index('driver = "binary_struct"'), text.index('[[device]]\nname = "ins"')

@@ -68,8 +68,8 @@ def late(seconds: float) -> Error:
     return ray
 
 
-def cause(error: Error) -> str:
-    diagnosis = LookDiagnosis(2)
+def cause(error: Error, *, has_second_scanner: bool = False) -> str:
+    diagnosis = LookDiagnosis(2, has_second_scanner=has_second_scanner)
     for seed in range(2):
         diagnosis.feed(*pair(seed, error))
     return diagnosis.cause()
@@ -93,6 +93,22 @@ def test_an_error_is_named_with_its_size(error: Error, text: str) -> None:
     assert [float(each[0]) for each in number.finditer(found)] == pytest.approx(
         [float(each[0]) for each in number.finditer(text)], abs=2.0 if "ms" in text else 0.1
     )
+
+
+@pytest.mark.parametrize(("axis", "words"), [(0, "right side down"), (1, "front up"), (2, "to the right")])
+def test_a_wrong_mounting_of_the_rear_scanner_is_named(axis: int, words: str) -> None:
+    """Only the later look is turned; with one scanner no such error is named."""
+    error = turned(np.radians(1.5) * np.eye(3)[axis])
+
+    def of_rear(geometry: Geometry, look: int) -> Array:
+        return error(geometry, look) if look else true_ray(geometry, look)
+
+    named = re.fullmatch(
+        r"rpy_bs_deg turns the rear one (\d\.\d) deg too far (.*)", cause(of_rear, has_second_scanner=True)
+    )
+    assert named and named[2] == words
+    assert float(named[1]) == pytest.approx(1.5, abs=0.1)
+    assert "rear" not in cause(of_rear)
 
 
 def test_two_errors_and_no_error_are_not_named() -> None:

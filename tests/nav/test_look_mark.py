@@ -17,6 +17,8 @@ from fti.nav.filter.kernels import EXTRAS
 from fti.nav.filter.look_mark import (
     CLOCK,
     COVER,
+    SECOND_MOUNTING,
+    SENSOR_ERRORS,
     SHARE,
     STATES,
     YAW,
@@ -29,7 +31,7 @@ from fti.nav.filter.look_mark import (
 from fti.nav.filter.navigator import InertialNavigator
 from fti.nav.inertial.ins_error_model import ACCEL, TURN, VEL
 
-MODEL = FilterModel(extras=look_drifts(3))
+MODEL = FilterModel(extras=look_drifts(3, has_second_scanner=True))
 START = InitialState(
     0.83, 0.2, 600.0, (170.0, 5.0, -1.0), 0.02, 0.03, 0.4, (5.0,) * 3, (0.5,) * 3, (0.003,) * 3
 )  # fmt: skip
@@ -106,7 +108,7 @@ def test_the_rows_are_the_derivatives() -> None:
     used = np.flatnonzero(np.abs(H).sum(axis=0))
     look = MODEL.columns["look0.position_x"]
     assert set(used) == {*range(3), *range(TURN, ACCEL), *range(look, look + STATES),
-                         *(MODEL.columns[name] for name in (SHARE, COVER, YAW, CLOCK))}  # fmt: skip
+                         *(MODEL.columns[name] for name in (SHARE, COVER, YAW, CLOCK, *SECOND_MOUNTING))}  # fmt: skip
 
 
 def test_a_mark_copies_position_and_attitude_with_their_covariance() -> None:
@@ -158,6 +160,23 @@ def test_a_range_scale_and_a_mounting_angle_are_explained(seed: int) -> None:
     assert np.abs(innovation).max() < 0.02
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_the_mounting_of_the_second_scanner_is_explained(axis: int) -> None:
+    """Only the second look is placed with a mounting that is turned by 3 mrad about a body axis: up to 0.9 m."""
+    turn = 3e-3 * np.eye(3)[axis]
+    geometry = Geometry(np.random.default_rng(axis))
+    mark = geometry.marks[1]
+    true_b = geometry.mats[1].T @ (geometry.ground - geometry.x[1])
+    placed = mark.x_e + mark.mat_eb @ turn_of(turn) @ true_b
+    measured = replace(geometry.measured(), drift=placed - geometry.seen(0))
+    truth = geometry.truth()
+    assert np.abs(measured.compute_matrices(truth)[0]).max() > 0.1
+    y = truth.y.copy()
+    y[EXTRAS + MODEL.columns[SECOND_MOUNTING[axis]] - MODEL.base] = 3e-3
+    innovation, _, _ = measured.compute_matrices(Estimate(0, y, truth.P, truth.imu, MODEL))
+    assert np.abs(innovation).max() < 0.02
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_late_clock_is_explained(seed: int) -> None:
     """Both looks are measured 20 ms before their stamps, the second one in a roll of 0.3 rad/s.
@@ -187,12 +206,12 @@ def test_a_late_clock_is_explained(seed: int) -> None:
 
 def test_a_reset_forgets_the_errors_of_the_sensor_only() -> None:
     geometry = Geometry(np.random.default_rng(3))
-    truth, columns = geometry.truth(), [MODEL.columns[name] for name in (SHARE, COVER, YAW, CLOCK)]
+    truth, columns = geometry.truth(), [MODEL.columns[name] for name in SENSOR_ERRORS]
     y = truth.y.copy()
     y[EXTRAS + np.array(columns) - MODEL.base] = 1e-3
     P = np.cov(np.random.default_rng(4).standard_normal((MODEL.size, 200)))
     reset = SensorReset().copy_states(Estimate(0, y, P, truth.imu, MODEL))
-    assert [reset.drift(name) for name in (SHARE, COVER, YAW, CLOCK)] == [0.0] * 4
+    assert [reset.drift(name) for name in SENSOR_ERRORS] == [0.0] * 7
     assert [reset.drift_sd(name) for name in (YAW, CLOCK)] == pytest.approx([np.radians(0.2), 0.010])
     others = np.delete(np.arange(MODEL.size), columns)
     assert (reset.P[np.ix_(others, others)] == P[np.ix_(others, others)]).all()
@@ -300,7 +319,7 @@ def test_what_is_no_measurement_is_refused(wrong: dict[str, Array]) -> None:
 
 def test_drifts_hold_the_velocity_that_the_filter_would_lose() -> None:
     """Straight on at 170 m/s with an unknown velocity of 0.5 m/s: exact drifts of 1 s leave a tenth of it."""
-    navigator = InertialNavigator(MODEL)
+    navigator = InertialNavigator(FilterModel(extras=look_drifts(3)))
     force, still = np.array([0.0, 0.0, -9.8]), np.zeros(3)
     navigator.begin(0, START, force, still)
     marks: dict[int, LookMark] = {}

@@ -72,9 +72,9 @@ def test_a_correction_between_the_looks_turns_the_first_one_too(seed: int) -> No
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     wrong = (np.eye(3) - skew + skew @ skew / 2.0) @ attitude
     pairs = LookPairs(1)
-    pairs.feed(at(places[0] - offset, wrong, 0, np.zeros(6)), image(frame, places[0], attitude, rng))
+    pairs.feed(at(places[0] - offset, wrong, 0, np.zeros(6)), [image(frame, places[0], attitude, rng)])
     second = at(places[1], attitude, 1_000_000_000, np.concatenate((offset, turn)))
-    aiding = pairs.feed(second, image(frame, places[1], attitude, rng)).aiding
+    aiding = pairs.feed(second, [image(frame, places[1], attitude, rng)]).aiding
     assert aiding is not None and len(aiding.drift) == 3
     innovation, _, cov = aiding.compute_matrices(second)
     assert np.abs(aiding.drift).max() > 0.3
@@ -102,10 +102,10 @@ def test_looks_that_are_stamped_late_are_explained_by_the_clock(roll_rate: float
     level, banked = start.mat_en, start.mat_en @ mat_from_rpy(0.03, 0.01, 0.0)
     places = start.y[:3], start.y[:3] + vel_e
     pairs = LookPairs(1)
-    pairs.feed(at(places[0], level, 0, np.zeros(6)), image(frame, places[0] - late * vel_e, level, rng))
+    pairs.feed(at(places[0], level, 0, np.zeros(6)), [image(frame, places[0] - late * vel_e, level, rng)])
     second = at(places[1], banked, 1_000_000_000, np.zeros(6), rate_b)
     before = turned(banked, rate_b, -late)
-    aiding = pairs.feed(second, image(frame, places[1] - late * vel_e, before, rng)).aiding
+    aiding = pairs.feed(second, [image(frame, places[1] - late * vel_e, before, rng)]).aiding
     assert aiding is not None and len(aiding.drift) == 3
     centre_b = banked.T @ (aiding.centre_e - places[1])
     rolled = (turned(banked, rate_b, 1e-3) - turned(banked, rate_b, -1e-3)) @ centre_b / 2e-3
@@ -124,8 +124,7 @@ def test_the_clock_cancels_straight_on() -> None:
     places, rng = (start.y[:3], start.y[:3] + 170.0 * start.mat_en[:, 0]), np.random.default_rng(4)
     pairs = LookPairs(1)
     for k, place in enumerate(places):
-        result = pairs.feed(
-            at(place, start.mat_en, k * 1_000_000_000, np.zeros(6)), image(frame, place, start.mat_en, rng)
-        )
+        estimate = at(place, start.mat_en, k * 1_000_000_000, np.zeros(6))
+        result = pairs.feed(estimate, [image(frame, place, start.mat_en, rng)])
     assert result.aiding is not None
     assert np.abs(result.aiding.effects_of_errors(at(places[1], start.mat_en, 0, np.zeros(6)))[CLOCK]).max() < 0.01

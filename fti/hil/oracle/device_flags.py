@@ -289,7 +289,7 @@ def consequences(case: FaultCase, *in_health: str) -> Iterator[FlagAllowance]:
         for other in craft.filter_altimeters:  # a correct one contradicts a filter with a wrong position
             yield FlagAllowance(f"{HEIGHT}/{other}", begin, end + age + craft.FIX_S + HEIGHT_EXCLUSION_S, ("excluded",))
             yield FlagAllowance(NAV_EVENT, begin, end + age + craft.FIX_S + HEIGHT_EXCLUSION_S)
-    if craft.scan_drift and name in {craft.scan_drift, craft.filter_imu, *craft.sources}:
+    if craft.scan_drift and name in {*craft.scan_drift, craft.filter_imu, *craft.sources}:
         # the pairs may contradict until the next calibration, which needs a turn
         yield from (FlagAllowance(place, begin, case.truth.end_s) for place in (GROUND_DRIFT, NAV_EVENT))
     if name in craft.altimeters or name in craft.sources:

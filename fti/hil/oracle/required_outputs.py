@@ -119,7 +119,7 @@ def _navigation_outputs(nav: Nav) -> Iterator[RequiredOutput]:
             GROUND_FIX, inputs, _tolerance_band(FIX_HZ), 1.1, lead_s, always_gap_s=1.1, lead_s=lead_s, memory_s=lead_s
         )
     if nav.filter and nav.scan_drift:
-        inputs = _devices((nav.filter.imu, nav.scan_drift.device), nav.filter.gnss, nav.filter.baro, *roles)
+        inputs = _devices((nav.filter.imu, *nav.scan_drift.devices), nav.filter.gnss, nav.filter.baro, *roles)
         lead_s = ALIGNMENT_S + CALIBRATION_S
         yield RequiredOutput(
             GROUND_DRIFT, inputs, DRIFT_HZ, 1.1, lead_s, always_gap_s=1.1, lead_s=lead_s, memory_s=lead_s

@@ -62,7 +62,7 @@ class AircraftRoles:
     altimeters, sources, positions : names of the devices that have these roles
     filter_altimeters, filter_gnss : altimeters and receivers that aid the filter
     filter_imu, radio_stations     : for fallbacks: inertial unit of the filter, number of DME stations
-    scan_drift                     : device of the looks at the ground; None: none
+    scan_drift                     : devices of the looks at the ground
     scene                          : built-in terrain of navigation; None: files, or no terrain
     """
 
@@ -82,7 +82,7 @@ class AircraftRoles:
         self.filter_altimeters = nav.filter.altimeters if nav.filter else []
         self.filter_gnss = nav.filter.gnss if nav.filter else ()
         self.filter_imu = nav.filter.imu if nav.filter else None
-        self.scan_drift = nav.scan_drift.device if nav.filter and nav.scan_drift else None
+        self.scan_drift = nav.scan_drift.devices if nav.filter and nav.scan_drift else ()
         self.radio_stations = len(nav.radio.station) if nav.radio else 0
         self.scene = nav.terrain.scene if nav.terrain else None
         self.approach = approach = nav.approach

@@ -29,7 +29,7 @@ def scan_fault_flags(fault: Mounting | Latency, case: FaultCase) -> RuleResult:
     in_fault = (truth.t >= max(case.from_s, READY_S)) & (truth.t < case.until_s)
     turning = in_fault & (np.abs(truth.roll) > TURN_RAD)
     after_turn = truth.span(in_fault & ~turning & np.logical_or.accumulate(turning))
-    if case.craft.scan_drift != case.name:
+    if case.craft.scan_drift != (case.name,):  # of two scanners each estimates the mounting of the other one
         return [], INDISTINGUISHABLE
     if not is_large or after_turn is None:
         return [], "the drift over the ground shows only a large error, in a turn"

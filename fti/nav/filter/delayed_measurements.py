@@ -1,6 +1,6 @@
 """Processes delayed measurements at their time of validity.
 
-Each inertial sample defines a moment; the moments of the last ``HORIZON_NS`` are stored with their filter estimates.  A
+Each inertial sample defines a moment; the moments of the last second are stored with their filter estimates.  A
 measurement waits for the next inertial sample, so that the sensors are interpolated to its time.  If it arrives after
 that sample, the filter goes back to the moment before it and repeats all later steps.  The result is bit-identical to
 that of a punctual arrival.  Measurements older than the horizon are refused.  Moments older than the horizon are
@@ -46,9 +46,13 @@ class InnovationRecord(NamedTuple):
 
 
 class Timeline:
-    """The last second of the filter.  first : its initial estimate, at an inertial sample"""
+    """The last second of the filter, or more.
 
-    def __init__(self, first: Estimate) -> None:
+    first : its initial estimate, at an inertial sample;  horizon_ns : duration that is stored
+    """
+
+    def __init__(self, first: Estimate, horizon_ns: int = HORIZON_NS) -> None:
+        self._horizon_ns = horizon_ns
         self._model = first.model
         self._unit, self._drifts = first.model.unit.table, first.model.drifts
         self._moments, self._times = [Moment(first, {})], [first.t_ns]
@@ -77,7 +81,7 @@ class Timeline:
     @property
     def oldest_ns(self) -> int:
         """Measurements must be newer than this."""
-        return self._times[max(bisect_right(self._times, self._times[-1] - HORIZON_NS) - 1, 0)]
+        return self._times[max(bisect_right(self._times, self._times[-1] - self._horizon_ns) - 1, 0)]
 
     def replay_first(self) -> Moment:
         """The end of the last segment that was returned, with all late measurements."""
@@ -95,7 +99,7 @@ class Timeline:
         self._replay()
         self._moments.append(self._advance(len(self._moments) - 1, t_ns, imu))
         self._times.append(t_ns)
-        oldest = bisect_right(self._times, t_ns - HORIZON_NS) - 1
+        oldest = bisect_right(self._times, t_ns - self._horizon_ns) - 1
         if oldest > 0 and self._times[oldest] - self._times[0] >= SEGMENT_NS:
             self._forget(oldest)
 

@@ -21,6 +21,10 @@ a point moves with the aircraft, as if it were fixed to it.
 
 In straight flight, and in a turn at constant roll, both looks move alike and the time cancels; a roll shows it.
 
+The second look of a pair of scanners is that of another device.  Its mounting against the first one is three more
+states, small angles m about the body axes: ds += (C_2 m) x r_2.  About the axis y it shifts a pair by the height times
+the angle, like a wrong velocity; with satellites it is seen straight on.
+
 Only a drift is measured: a turn of everything about the vertical changes nothing, and no number of looks may determine
 the heading.  Turned by psi, a position errs by psi x x and a velocity by psi x v.  So that the covariance remains one
 of such errors when an update moves x and v, it is moved along (``carry_turns``): the errors of an invariant filter,
@@ -58,7 +62,10 @@ STATES = 6
 SCAN_DRIFT, SCAN_MARK = "scan.drift", "scan.mark"
 #: Share of the ranges, share of the roughness, mounting about body z [rad], and lateness of the times [s], by their
 #: names.
-SHARE, COVER, YAW, CLOCK = SENSOR_ERRORS = "scan_share", "scan_cover", "scan_yaw", "scan_clock"
+SHARE, COVER, YAW, CLOCK = "scan_share", "scan_cover", "scan_yaw", "scan_clock"
+#: Mounting of the second scanner of a pair against the first one, about the body axes [rad].
+SECOND_MOUNTING = "scan_second_roll", "scan_second_pitch", "scan_second_yaw"
+SENSOR_ERRORS = (SHARE, COVER, YAW, CLOCK, *SECOND_MOUNTING)
 #: Air delays light by 2.8e-4 of the way at sea level; a range that is not corrected is so much too long.
 SHARE_DRIFT = Drift(3e-4)
 #: 0.017 m in a pair of 170 m from 300 m above ground with a roughness of 2.5 m, 0.009 m from one such ground to the
@@ -66,17 +73,18 @@ SHARE_DRIFT = Drift(3e-4)
 COVER_DRIFT = Drift(0.015, length_m=10e3)
 #: Distances that are shorter have no part in the roughness [m].
 MIN_DISTANCE_M = 1.0
-#: Mounting that was surveyed on the ground.
-YAW_DRIFT = Drift(math.radians(0.2))
+#: Mounting that was surveyed on the ground, and that of two scanners against each other.
+YAW_DRIFT, SECOND_DRIFT = Drift(math.radians(0.2)), Drift(math.radians(0.2))
 #: A frame at 30 Hz, uniform: data sheets do not state to which moment of the exposure an image belongs.
 CLOCK_DRIFT = Drift(0.010)
 
 
-def look_drifts(looks: int) -> dict[str, Drift]:
-    """States of so many looks, and of the errors of the sensor."""
+def look_drifts(looks: int, *, has_second_scanner: bool = False) -> dict[str, Drift]:
+    """States of so many looks, and of the errors of the sensor, or of both scanners of a pair."""
     names = [name for slot in range(looks) for name in _names(slot)]
-    of_sensor = zip(SENSOR_ERRORS, (SHARE_DRIFT, COVER_DRIFT, YAW_DRIFT, CLOCK_DRIFT), strict=True)
-    return {**dict.fromkeys(names, MARK_DRIFT), **dict(of_sensor)}
+    of_sensor = {SHARE: SHARE_DRIFT, COVER: COVER_DRIFT, YAW: YAW_DRIFT, CLOCK: CLOCK_DRIFT}
+    of_second = dict.fromkeys(SECOND_MOUNTING if has_second_scanner else (), SECOND_DRIFT)
+    return {**dict.fromkeys(names, MARK_DRIFT), **of_sensor, **of_second}
 
 
 def carry_turns(before: Array, after: Estimate) -> None:
@@ -236,7 +244,14 @@ class LookDrift(LastingErrors):
         longer, middle = second - first, 0.5 * (first + second)
         rough = self.roughness / max(float(np.linalg.norm(middle)), MIN_DISTANCE_M)
         aside = self.effect_of_mounting(estimate, 2)
-        return {SHARE: longer, COVER: rough * longer, YAW: aside, CLOCK: self.motion_e}
+        turned = (skew(axis_e) @ second for axis_e in estimate.mat_eb.T)
+        return {
+            SHARE: longer,
+            COVER: rough * longer,
+            YAW: aside,
+            CLOCK: self.motion_e,
+            **dict(zip(SECOND_MOUNTING, turned, strict=True)),
+        }
 
     def _vectors(self, estimate: Estimate) -> tuple[Array, Array]:
         """r_1 and r_2: from the aircraft at both looks to the middle of the ground, e, shape (3,) [m]."""

@@ -32,7 +32,7 @@ from fti.messages.outputs import FilterMode, FilterSolution
 from fti.messages.reasons import Reason
 from fti.nav.filter import antenna, kernels
 from fti.nav.filter.aiding import Aiding, GnssHeight, GnssPosition, SlantRange
-from fti.nav.filter.delayed_measurements import InnovationRecord, Timeline
+from fti.nav.filter.delayed_measurements import HORIZON_NS, InnovationRecord, Timeline
 from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate, InitialState, inflate_covariance
 from fti.nav.filter.exclusion import NOT_EXCLUDED, Cause, Exclusion
@@ -63,10 +63,10 @@ ATTITUDE_SD = (math.radians(0.5), math.radians(0.5), math.radians(2.0))
 
 
 class InertialNavigator:
-    """One filter."""
+    """One filter.  horizon_ns : measurements may be so late, and the estimates of so long are known"""
 
-    def __init__(self, model: FilterModel) -> None:
-        self.model = model
+    def __init__(self, model: FilterModel, horizon_ns: int = HORIZON_NS) -> None:
+        self.model, self._horizon_ns = model, horizon_ns
         self.refused: Counter[Reason] = Counter()
         self._aligner = Aligner()
         self._timeline: Timeline | None = None
@@ -82,7 +82,7 @@ class InertialNavigator:
         """Begin with a known state at an inertial sample."""
         self._newest_ns, self._restart_reason, self._unconfirmed = t_ns, None, frozenset()
         imu = np.concatenate((np.asarray(accel_b, dtype=np.float64), np.asarray(gyro_b, dtype=np.float64)))
-        self._timeline = Timeline(start.estimate(t_ns, imu, self.model))
+        self._timeline = Timeline(start.estimate(t_ns, imu, self.model), self._horizon_ns)
 
     def feed_inertial(self, t_ns: int, accel_b: Iterable[float], gyro_b: Iterable[float]) -> None:
         """Specific force (3,) [m/s^2] and turn rate (3,) [rad/s], body axes at P, valid at t_ns."""
@@ -135,7 +135,7 @@ class InertialNavigator:
     # ---------------------------------------------------------------------------------------------------------- outputs
 
     def at(self, t_ns: int) -> Estimate | None:
-        """The estimate at t_ns, at most 1 s before and ``MAX_GAP_NS`` after the newest sample; None otherwise."""
+        """The estimate at t_ns, at most the horizon before the newest sample, ``MAX_GAP_NS`` after it; else None."""
         return self._timeline.at(t_ns) if self._timeline is not None and self.reaches(t_ns) else None
 
     def find_exclusions(self) -> dict[str, Exclusion]:

@@ -3,6 +3,7 @@
 Each look is placed with the inertial solution of its own time.  A point of the ground is then at two places, and the
 difference is the drift ds of the solution from the first look to the second (Spiegel 2018, section 5.3).  Points of
 each look are compared with the surface of the other one (``residuals.py``), with robust weights, until ds is constant.
+Looks of two scanners may be tilted against each other, by their mountings: a tilt across the track is then estimated.
 
 Covariance.  Neighbouring residuals are correlated: both looks see the same trees and blocks from two sides.  The sums
 of residuals are therefore kept for each patch of ground; the covariance is that of the jackknife over the patches:
@@ -35,6 +36,8 @@ from fti.nav.scan_matching.shift_search import find_shifts, height_offset
 
 #: Step of the lattice over the distance of the points: each node then has 7 to 13 points within its reach.
 STEP = 1.2
+#: A look that is longer than so many times its width is a strip.
+MAX_SQUARE_RATIO = 2.0
 #: Points that are closer are one place [m].
 MIN_STEP_M = 1e-3
 #: Side of a patch [steps of the lattice].
@@ -115,8 +118,10 @@ class _Sums:
 class _Pair:
     """Two looks with their surfaces on one lattice."""
 
-    def __init__(self, first: Look, second: Look, step: float) -> None:
+    def __init__(self, first: Look, second: Look, step: float, tilt_axis: Array | None) -> None:
         self.looks = first, second
+        level = np.zeros(2) if tilt_axis is None else tilt_axis
+        self.tilted = np.concatenate((second.points_l[:, :2].mean(axis=0), level))
         self.frame = frame_around(self.looks, step)
         self.corner = np.array([self.frame.east0, self.frame.north0])
         self.planes = fit_planes(first, self.frame), fit_planes(second, self.frame)
@@ -138,7 +143,7 @@ class _Pair:
             residuals.append(np.empty(len(look)))
             add_scores(
                 look.points_l, look.directions_l, look.t, self.own[number], self.planes[1 - number], self.corner,
-                self.frame.step, shift, self.middle, sign, look.range_sd, scale, PATCH_STEPS, patches,
+                self.frame.step, shift, self.middle, self.tilted, sign, look.range_sd, scale, PATCH_STEPS, patches,
                 scores, information, curvature, residuals[-1],
             )  # fmt: skip
         return _Sums(scores, information, curvature, np.concatenate(residuals))
@@ -158,24 +163,32 @@ class _Pair:
 
 
 def register(
-    first: Look, second: Look, expected_sd: float, *, step: float | None = None, changing: bool = False
+    first: Look,
+    second: Look,
+    expected_sd: float,
+    *,
+    step: float | None = None,
+    changing: bool = False,
+    tilt_axis: Array | None = None,
 ) -> ScanDrift:
     """The drift from the first look to the second.
 
     expected_sd : one sigma of the horizontal drift that the inertial solution expects [m]; limits the search
     step        : of the lattice [m]; None: from the density of the points
     changing    : estimate a change of the drift with time within the second look, too: for scanners
+    tilt_axis   : ndarray, shape (2,), level unit vector, east and north, along which the second look may be tilted
+        against the first one, which is estimated with the change; None: it is not
     """
     if min(len(first), len(second)) < MIN_RESIDUALS:
         return _refused(Refusal.FEW_POINTS, first, second)
-    step = step or STEP * point_distance(second)
+    step = step or STEP * point_distance(second.points_l)
     if not step > MIN_STEP_M:
         return _refused(Refusal.FEW_POINTS, first, second)
-    pair = _Pair(first, second, step)
+    pair = _Pair(first, second, step, tilt_axis)
     shifts = find_shifts(pair.planes, pair.frame.step, expected_sd)
     if not len(shifts):
         return _refused(Refusal.FEW_POINTS, first, second)
-    shift = np.zeros(6 if changing else 3)
+    shift = np.zeros(7 if tilt_axis is not None else 6 if changing else 3)
     shift[:3] = *shifts[0], height_offset(pair.planes, np.rint(shifts[0] / pair.frame.step).astype(int))
     try:
         sums, axes, shift = _refine(pair, shift)
@@ -187,11 +200,19 @@ def register(
         return _refused(Refusal.FLAT, first, second)
 
 
-def point_distance(look: Look) -> float:
-    """Distance of the points of a square grid of the density between the quartiles of both axes [m]; 0 if none."""
-    axes = look.points_l[:, 0].copy(), look.points_l[:, 1].copy()  # rows of their own: several times as fast
-    inside, area = np.ones(len(look), dtype=bool), 1.0
-    for values in axes:
+def point_distance(points_l: Array) -> float:
+    """Distance of the points of a square grid of the density between the quartiles of both axes [m]; 0 if none.
+
+    points_l : ndarray, shape (n, 3) [m].  The axes of a strip are along it and across: between the quartiles of others
+        is ground that the strip does not cover
+    """
+    level = points_l[:, :2]
+    lengths, axes = np.linalg.eigh(np.cov(level.T)) if len(level) > 1 else (np.ones(2), np.eye(2))
+    if lengths[1] > MAX_SQUARE_RATIO**2 * lengths[0]:
+        level = level @ axes
+    columns = level[:, 0].copy(), level[:, 1].copy()  # rows of their own: several times as fast
+    inside, area = np.ones(len(level), dtype=bool), 1.0
+    for values in columns:
         low, high = np.percentile(values, (25.0, 75.0))
         inside &= (values >= low) & (values <= high)
         area *= float(high - low)
@@ -251,8 +272,9 @@ def _without_height(information: Array) -> Array:
 
 
 def _parameters(axes: Array, size: int) -> Array:
-    """Directions of the parameters: those of the drift, and of its change if the size is 6."""
-    return np.asarray(np.kron(np.eye(size // 3), axes))
+    """Directions of the parameters: those of the drift; of its change if the size is 6 or 7; the tilt if it is 7."""
+    of_drift, tilts = np.kron(np.eye(size // 3), axes), size % 3
+    return np.block([[of_drift, np.zeros((len(of_drift), tilts))], [np.zeros((tilts, size - tilts)), np.eye(tilts)]])
 
 
 def _refuse_rivals(shifts: Array, axes: Array, step: float) -> None:
@@ -263,16 +285,16 @@ def _refuse_rivals(shifts: Array, axes: Array, step: float) -> None:
 
 
 def _result(pair: _Pair, sums: _Sums, axes: Array, shift: Array, expected_sd: float) -> ScanDrift:
-    count, m = len(axes), len(shift)
-    basis = _parameters(axes, m)
-    cov = _jackknife(sums, basis)[:count, :count] + _held_error(sums, axes, expected_sd)
-    drift = axes @ shift[:3]
+    basis = _parameters(axes, len(shift))
+    seen = np.isfinite(sums.residuals)
+    centre = np.concatenate((pair.looks[1].points_l, pair.looks[0].points_l))[seen].mean(axis=0)
+    at_centre = _at_centre(pair, axes, len(shift), centre)
+    cov = at_centre @ _jackknife(sums, basis) @ at_centre.T + _held_error(sums, axes, expected_sd)
+    drift = at_centre @ basis @ shift
     sd = np.sqrt(np.diag(cov))
     if (np.abs(drift[:-1]) > MAX_SIGMAS * np.hypot(expected_sd, sd[:-1])).any():
         raise _RefusalError(Refusal.UNEXPECTED)
     keep = sd <= MAX_SD_M
-    seen = np.isfinite(sums.residuals)
-    centre = np.concatenate((pair.looks[1].points_l, pair.looks[0].points_l))[seen].mean(axis=0)
     refusals = () if keep.sum() == len(keep) == 3 else (Refusal.FLAT,)
     return ScanDrift(
         axes[keep],
@@ -285,6 +307,15 @@ def _result(pair: _Pair, sums: _Sums, axes: Array, shift: Array, expected_sd: fl
         pair.roughness(),
         refusals,
     )
+
+
+def _at_centre(pair: _Pair, axes: Array, size: int, centre: Array) -> Array:
+    """The drift at a place from the parameters, shape (directions, parameters): a tilt raises it there."""
+    count = len(axes)
+    result = np.eye(count, count * (size // 3) + size % 3)
+    if size % 3:
+        result[:, -1] = axes[:, HEIGHT] * float((centre[:2] - pair.tilted[:2]) @ pair.tilted[2:])
+    return result
 
 
 def _jackknife(sums: _Sums, basis: Array) -> Array:

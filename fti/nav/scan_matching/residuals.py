@@ -6,6 +6,9 @@ A point of one look against the surface of the other one, at a shift ds of the s
     e = -(up(point) + ds_up - up_surface(x + ds))       first look against the surface of the second
     e(ds + d) = e(ds) - a . d,    a = (-slope_east, -slope_north, 1)
 
+The drift may change with time, and the second look may be tilted: ds_up is then larger by tilt times the distance of
+the point along a level axis.
+
 The range residual is e / c: c = u_up - slope . u_level, the direction u from the sensor, the slope of the ground.  Its
 variance is that of a range, and of a point about the planes.
 
@@ -46,6 +49,7 @@ def add_scores(
     step: float,
     shift: Array,
     middle: float,
+    tilted: Array,
     sign: float,
     range_sd: float,
     scale: float,
@@ -60,7 +64,9 @@ def add_scores(
 
     points, directions, t : of the look;  own : (n, VALUES) its own surface at its points
     planes, corner, step  : surface of the other look
-    shift  : (m,) drift, m = 3: east, north, up [m]; m = 6: and its change with time [m/s] from ``middle`` [s] on
+    shift  : (m,) drift, m = 3: east, north, up [m]; m = 6: and its change with time [m/s] from ``middle`` [s] on;
+        m = 7: and the tilt of the second look [rad]
+    tilted : (4,) east and north of a place [m], and of the level unit vector along which the second look is tilted
     sign   : 1 for the points of the second look, -1 for those of the first
     scale  : of the robust weight;  patch_steps : side of a patch [steps];  patches : rows and columns of patches
     scores : (patches, m);  information, curvature : (patches, m, m), the second for the sandwich covariance
@@ -74,11 +80,12 @@ def add_scores(
         if np.isnan(own[i, UP]):
             continue
         later = t[i] - middle if sign > 0.0 else 0.0
-        east, north, up = _shift_at(shift, later)
+        lever = (points[i, 0] - tilted[0]) * tilted[2] + (points[i, 1] - tilted[1]) * tilted[3]
+        east, north, up = _shift_at(shift, later, lever)
         known = surface_at(planes, corner, step, points[i, 0] - sign * east, points[i, 1] - sign * north, surface)
         if known and sign < 0.0:  # the time of the second look at this place is known now
             later = surface[TIME] - middle
-            east, north, up = _shift_at(shift, later)
+            east, north, up = _shift_at(shift, later, lever)
             known = surface_at(planes, corner, step, points[i, 0] + east, points[i, 1] + north, surface)
         if not known:
             continue
@@ -94,9 +101,9 @@ def add_scores(
         if share >= 1.0:
             continue
         weight, bend = (1.0 - share) ** 2 / v, (1.0 - share) * (1.0 - 5.0 * share) / v
-        _regressors(-slope_east, -slope_north, later, mean)
-        _regressors(-surface[SLOPE_EAST], -surface[SLOPE_NORTH], later, first)
-        _regressors(-own[i, SLOPE_EAST], -own[i, SLOPE_NORTH], later, second)
+        _regressors(-slope_east, -slope_north, later, lever, mean)
+        _regressors(-surface[SLOPE_EAST], -surface[SLOPE_NORTH], later, lever, first)
+        _regressors(-own[i, SLOPE_EAST], -own[i, SLOPE_NORTH], later, lever, second)
         row = min(int((points[i, 1] - corner[1]) / (step * patch_steps)), patches[0] - 1)
         column = min(int((points[i, 0] - corner[0]) / (step * patch_steps)), patches[1] - 1)
         patch = row * patches[1] + column
@@ -112,15 +119,20 @@ def add_scores(
 
 
 @inlined_kernel
-def _shift_at(shift: Array, later: float) -> tuple[float, float, float]:
-    """East, north, up of the drift, so much later than the middle [s]."""
-    if len(shift) == 3:
-        return shift[0], shift[1], shift[2]
-    return shift[0] + later * shift[3], shift[1] + later * shift[4], shift[2] + later * shift[5]
+def _shift_at(shift: Array, later: float, lever: float) -> tuple[float, float, float]:
+    """East, north, up of the drift, so much later than the middle [s], at a lever of the tilt [m]."""
+    east, north, up = shift[0], shift[1], shift[2]
+    if len(shift) > 3:
+        east, north, up = east + later * shift[3], north + later * shift[4], up + later * shift[5]
+    if len(shift) > 6:
+        up += lever * shift[6]
+    return east, north, up
 
 
 @inlined_kernel
-def _regressors(east: float, north: float, later: float, row: Array) -> None:
+def _regressors(east: float, north: float, later: float, lever: float, row: Array) -> None:
     row[0], row[1], row[2] = east, north, 1.0
-    for j in range(3, len(row)):
-        row[j] = later * row[j - 3]
+    if len(row) > 3:
+        row[3], row[4], row[5] = later * east, later * north, later
+    if len(row) > 6:
+        row[6] = lever

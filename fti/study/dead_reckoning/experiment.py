@@ -228,7 +228,7 @@ class _Run:
     def _compare_images(self, estimate: Estimate, k: int) -> tuple[LookMark, LookDrift | None]:
         images = self.data.images
         ranges = images.ranges[k // round(IMAGE_S / IMU_S) - 1]
-        result = self._pairs.feed(estimate, RangeImage(ranges, images.directions_b, RANGE_SD))
+        result = self._pairs.feed(estimate, [RangeImage(ranges, images.directions_b, RANGE_SD)])
         if result.drift is not None:
             self._count(len(result.drift.axes_l), result.drift.cov)
             self._counts.update(result.drift.refusals)

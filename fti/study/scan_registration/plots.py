@@ -137,7 +137,7 @@ def _draw_edge(axes: Axes, look: Look, centre: Array, colour: str) -> None:
 def surfaces(seed: int) -> Figure:
     """A profile through a look: ground, local planes, triangles."""
     pair = _example(seed)
-    look, step = pair.first, STEP * point_distance(pair.first)
+    look, step = pair.first, STEP * point_distance(pair.first.points_l)
     frame = frame_around((look,), step)
     along = np.arange(0.0, PROFILE_M, PROFILE_STEP_M)
     places = look.points_l[:, :2].mean(axis=0) + along[:, None] * [1.0, 0.0]

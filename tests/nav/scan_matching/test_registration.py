@@ -188,8 +188,8 @@ def test_planes_follow_a_plane_exactly() -> None:
     points = np.column_stack((rng.uniform(0.0, 100.0, (4000, 2)), np.zeros(4000)))
     points[:, 2] = 3.0 + 0.2 * points[:, 0] - 0.1 * points[:, 1]
     look = Look(points, np.tile([0.0, 0.0, -1.0], (4000, 1)), points[:, 0] / 100.0, 0.1)
-    assert point_distance(look) == pytest.approx(np.sqrt(100.0 * 100.0 / 4000.0), rel=0.05)
-    frame = frame_around((look,), STEP * point_distance(look))
+    assert point_distance(look.points_l) == pytest.approx(np.sqrt(100.0 * 100.0 / 4000.0), rel=0.05)
+    frame = frame_around((look,), STEP * point_distance(look.points_l))
     found = surfaces_at(fit_planes(look, frame), np.array([frame.east0, frame.north0]), frame.step, points)
     known = found[np.isfinite(found[:, UP])]
     assert len(known) > 3000
@@ -207,7 +207,7 @@ def test_points_of_different_times_are_no_surface() -> None:
         np.concatenate((first.points_l, again.points_l)), np.concatenate((first.directions_l, again.directions_l)),
         np.concatenate((first.t, again.t)), RANGE_SD,
     )  # fmt: skip
-    frame = frame_around((first, both), STEP * point_distance(first))
+    frame = frame_around((first, both), STEP * point_distance(first.points_l))
     assert np.isfinite(fit_planes(first, frame)[..., UP]).sum() > 2000
     assert np.isfinite(fit_planes(both, frame)[..., UP]).sum() < 100
 
