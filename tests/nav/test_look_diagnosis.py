@@ -12,7 +12,7 @@ import pytest
 from fti.arrays import Array
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.look_mark import STATES, LookDrift
+from fti.nav.filter.look_mark import SECOND_MOUNTING, STATES, LookDrift
 from fti.nav.look_diagnosis import LookDiagnosis
 from tests.nav.test_look_mark import MODEL, Geometry, turn_of
 
@@ -29,6 +29,8 @@ def sharp(geometry: Geometry) -> Estimate:
     P[:9, :9] = 0.0
     P[column : column + STATES, :] = P[:, column : column + STATES] = 0.0
     P[range(3), range(3)] = 0.05**2
+    second = [MODEL.columns[name] for name in SECOND_MOUNTING]
+    P[second, :] = P[:, second] = 0.0
     return Estimate(0, truth.y, P, truth.imu, MODEL)
 
 
