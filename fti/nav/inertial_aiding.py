@@ -11,7 +11,7 @@ velocity every dt has the variance sigma^2 2 T / dt.  Configured by ``[nav.filte
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -354,6 +354,10 @@ class AidedNavigation:
     def estimate(self, t_ns: int) -> Estimate | None:
         """State and covariance of the filter; None while it is not aligned, and where it does not reach."""
         return self._navigator.at(t_ns) if self._navigator.is_aligned else None
+
+    def path(self, times_ns: Sequence[int]) -> list[Estimate] | None:
+        """Estimates at ascending times, from the first one on by the inertial samples alone; None as ``estimate``."""
+        return self._navigator.path(times_ns) if self._navigator.is_aligned else None
 
     def is_accepted(self, name: str, t_ns: int) -> bool | None:
         """Whether the filter has accepted a measurement of a source at t_ns; None before the next inertial sample."""

@@ -155,13 +155,17 @@ def _read(scan: RangeScan, t_ns: int, mat_bs: Array) -> CollectedLook:
 
 
 def pose_times_ns(looks: Sequence[CollectedLook]) -> list[int]:
-    """Times of the poses that place looks of one time: one, or several from the first point to the last."""
+    """Times of the poses that place looks of one time: an odd number from the first point to the last.
+
+    The one in the middle is the time of the looks, which is that of the points.
+    """
     times = np.concatenate([look.times_ns for look in looks])
     if not len(times):
         return [looks[0].t_ns]
-    first, last = int(times.min()), int(times.max())
-    count = -(-(last - first) // POSE_NS)
-    return [first + (last - first) * k // count for k in range(count + 1)] if count else [looks[0].t_ns]
+    first, middle, last = int(times.min()), looks[0].t_ns, int(times.max())
+    count = -(-(last - first) // (2 * POSE_NS))
+    before = [first + (middle - first) * k // count for k in range(count)] if count else []
+    return [*before, middle, *(middle + (last - middle) * k // count for k in range(1, count + 1))]
 
 
 def mean_rate(estimates: Sequence[Estimate]) -> Array | None:
@@ -241,23 +245,22 @@ def _places(image: RangeImage, middle: Estimate) -> tuple[Array, Array, Array]:
     return along, across, up
 
 
-def as_image(
-    look: CollectedLook, middle: Estimate, estimates: Sequence[Estimate], lever_arm_b: Array, sd: float
-) -> RangeImage:
+def as_image(look: CollectedLook, path: Sequence[Estimate], lever_arm_b: Array, sd: float) -> RangeImage:
     """The look as seen from the aircraft at its time.
 
-    middle, estimates : the filter's then, and at the times of ``pose_times_ns``
+    path        : of the aircraft, at the times of ``pose_times_ns``, by inertial samples alone: a correction within a
+        look would displace some of its points against others
     lever_arm_b : P to the sensor [m];  sd : of a range [m]
     """
-    if len(estimates) < 2:
+    if len(path) < 2:
         return RangeImage(look.ranges, look.directions_b, sd, lever_arm_b)
-    seconds = (look.times_ns - look.t_ns) / SECOND_NS
+    seconds, middle = (look.times_ns - look.t_ns) / SECOND_NS, path[len(path) // 2]
     to_b = middle.mat_eb.T
     epochs = Poses(
-        np.array([to_b @ (each.y[:3] - middle.y[:3]) for each in estimates]),
-        np.array([to_b @ each.mat_eb for each in estimates]),
-        np.array([to_b @ each.y[3:6] for each in estimates]),
+        np.array([to_b @ (each.y[:3] - middle.y[:3]) for each in path]),
+        np.array([to_b @ each.mat_eb for each in path]),
+        np.array([to_b @ each.y[3:6] for each in path]),
     )
-    poses = interpolate_poses([(each.t_ns - look.t_ns) / SECOND_NS for each in estimates], epochs, seconds)
+    poses = interpolate_poses([(each.t_ns - look.t_ns) / SECOND_NS for each in path], epochs, seconds)
     directions_b = (poses.mats_ls @ look.directions_b[..., None])[..., 0]
     return RangeImage(look.ranges, directions_b, sd, poses.origins_l + poses.mats_ls @ lever_arm_b, seconds)

@@ -31,6 +31,9 @@ TO_THE_SIDE, FRONT, SIDE = (
     ("front up", "front down"),
     ("right side down", "left side down"),
 )
+#: A larger error of a kind is not conceivable: the pairs have another cause.
+LARGEST = {CLOCK: 0.5, SHARE: 0.1}
+LARGEST_ANGLE = math.radians(20.0)
 #: Text of each kind, its factor to the unit of the text, and the words for a positive and a negative value.
 TEXTS = {
     CLOCK: ("its scans are stamped {:.0f} ms too {} (latency_ms)", 1e3, ("late", "early")),
@@ -90,7 +93,8 @@ class LookDiagnosis:
         fits = all(_nis(pair, best, values[best]) <= LIMITS[len(pair.innovation)] for pair in self._pairs)
         if not fits or explained[best] - explained[second] < MIN_ADVANTAGE:
             return ""
-        return describe(self._kinds[best], float(values[best] + self._known[best]))
+        name, value = self._kinds[best], float(values[best] + self._known[best])
+        return describe(name, value) if abs(value) <= LARGEST.get(name, LARGEST_ANGLE) else ""
 
 
 def describe(name: str, value: float) -> str:

@@ -79,10 +79,20 @@ class _PlacedImage(NamedTuple):
 
     def before(self, seconds: float) -> _PlacedImage:
         """The image with the pose of so much earlier; velocity and turn rate are those of now."""
-        x, y, z = (-seconds * self.rate_e).tolist()
-        turn = np.array(mat_from_quat(*quat_from_turn(x, y, z)))
+        turn = _turn(-seconds * self.rate_e)
         pose = replace(self.mark, x_e=self.mark.x_e - seconds * self.vel_e, mat_eb=turn @ self.mark.mat_eb)
         return self._replace(mark=pose)
+
+    def turned(self, vector_b: Array) -> _PlacedImage:
+        """The image of a sensor that is turned in the aircraft [rad]."""
+        if not vector_b.any():
+            return self
+        return self._replace(image=replace(self.image, directions_b=self.image.directions_b @ _turn(vector_b).T))
+
+
+def _turn(vector: Array) -> Array:
+    x, y, z = vector.tolist()
+    return np.array(mat_from_quat(*quat_from_turn(x, y, z)))
 
 
 class PairResult(NamedTuple):
@@ -171,22 +181,26 @@ class _Pair:
     def __init__(
         self, estimate: Estimate, earlier: _PlacedImage, later: _PlacedImage, *, has_two_scanners: bool
     ) -> None:
-        self.frame, self._looks = LocalFrame(*estimate.geodetic), (earlier, later)
-        self._known_late = estimate.drift(CLOCK)
-        second = _place(later, self.frame, later.t_ns)
+        mounting_b = np.array([estimate.drift(name) for name in SECOND_MOUNTING])
+        self._mounting_e, self._known_late = later.mark.mat_eb @ mounting_b, estimate.drift(CLOCK)
+        self.frame, self._looks = LocalFrame(*estimate.geodetic), (earlier, later.turned(-mounting_b))
+        second = _place(self._looks[1], self.frame, later.t_ns)
         self.distance = point_distance(second.points_l) if len(second) else 0.0
         self._middle_l = np.mean(second.points_l, axis=0) if len(second) else np.zeros(3)
         middle_e = self.frame.origin_e + self.frame.mat_le.T @ self._middle_l
         expected_e, self.sd = _expected_drift(estimate, earlier, later, middle_e)
-        self._expected_l = self.frame.mat_le @ (expected_e - self._known_late * self.motion_at(middle_e))
-        mounting_b = np.array([estimate.drift(name) for name in SECOND_MOUNTING])
-        turn_e = earlier.mark.states_of(estimate)[3:] + later.mark.mat_eb @ mounting_b
-        self._turn_l = self.frame.mat_le @ turn_e
+        self._expected_l = self.frame.mat_le @ (expected_e - self._corrected(self._known_late, middle_e))
+        self._turn_l = self.frame.mat_le @ earlier.mark.states_of(estimate)[3:]
         self._tilt_axis = _across(self.frame, later.vel_e) if has_two_scanners else None
 
     def motion_at(self, point_e: Array) -> Array:
         """Velocity of a point that is fixed to the aircraft, at the later look minus at the earlier one [m/s]."""
         return self._looks[1].motion_at(point_e) - self._looks[0].motion_at(point_e)
+
+    def _corrected(self, late: float, point_e: Array) -> Array:
+        """Drift that the looks do not have any more: of times that are late, and of the mounting that is known [m]."""
+        of_mounting = skew(self._mounting_e) @ (point_e - self._looks[1].mark.x_e)
+        return np.asarray(late * self.motion_at(point_e) + of_mounting)
 
     def register(self) -> ScanDrift:
         """The drift.  If the aircraft rolls, the times of the looks are corrected until the looks fit.
@@ -215,7 +229,7 @@ class _Pair:
             return drift
         centre_e = self.frame.origin_e + self.frame.mat_le.T @ drift.centre_l
         at_centre = self._expected_l + skew(self._turn_l) @ (drift.centre_l - self._middle_l)
-        at_centre = at_centre + late * self.frame.mat_le @ self.motion_at(centre_e)
+        at_centre = at_centre + self.frame.mat_le @ self._corrected(late, centre_e)
         return replace(drift, drift=drift.drift + drift.axes_l @ at_centre)
 
     def _more_late(self, found: ScanDrift) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -155,14 +155,29 @@ class Timeline:
         self._replay()
         k = max(bisect_right(self._times, t_ns) - 1, 0)
         before = self._moments[k].estimate
-        if t_ns <= before.t_ns:
-            return before
+        return before if t_ns <= before.t_ns else self._move(before, k, t_ns)
+
+    def path(self, times_ns: Sequence[int]) -> list[Estimate]:
+        """The estimate at the first of ascending times, moved on to the others by the inertial samples alone."""
+        estimate = self.at(times_ns[0])
+        found, k = [estimate], max(bisect_right(self._times, times_ns[0]) - 1, 0)
+        for t_ns in times_ns[1:]:
+            while k + 1 < len(self._times) and self._times[k + 1] <= t_ns:
+                estimate = self._move(estimate, k, self._times[k + 1])
+                k += 1
+            estimate = self._move(estimate, k, t_ns)
+            found.append(estimate)
+        return found
+
+    def _move(self, estimate: Estimate, k: int, t_ns: int) -> Estimate:
+        """An estimate between moment k and the next one, moved on to a time up to that, or after the newest one."""
+        before = self._moments[k].estimate
         if k + 1 == len(self._moments):
-            return self._propagate(before, t_ns, before.imu, _NO_CURVATURE)
+            return self._propagate(estimate, t_ns, before.imu, _NO_CURVATURE)
         after = self._moments[k + 1].estimate
         fraction = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
         imu = before.imu + fraction * (after.imu - before.imu)
-        return self._propagate(before, t_ns, imu, self._bend(k, after.t_ns, after.imu))
+        return self._propagate(estimate, t_ns, imu, self._bend(k, after.t_ns, after.imu))
 
     def _has(self, t_ns: int, name: str) -> bool:
         first, end = bisect_left(self._entry_times, t_ns), bisect_right(self._entry_times, t_ns)

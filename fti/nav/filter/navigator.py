@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 import operator
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -137,6 +137,12 @@ class InertialNavigator:
     def at(self, t_ns: int) -> Estimate | None:
         """The estimate at t_ns, at most the horizon before the newest sample, ``MAX_GAP_NS`` after it; else None."""
         return self._timeline.at(t_ns) if self._timeline is not None and self.reaches(t_ns) else None
+
+    def path(self, times_ns: Sequence[int]) -> list[Estimate] | None:
+        """Estimates at ascending times that no measurement corrects in between, where ``at`` has estimates."""
+        if self._timeline is None or not (self.reaches(times_ns[0]) and self.reaches(times_ns[-1])):
+            return None
+        return self._timeline.path(times_ns)
 
     def find_exclusions(self) -> dict[str, Exclusion]:
         """Excluded sources with cause and time, by name."""
