@@ -12,8 +12,8 @@ compiled.
 Then live, beside everything else of the research aircraft: the emulator flies it past a real daemon, without a range
 sensor and with each one in turn, in rounds.  The difference of the processor times of recorder and navigation is that
 of the sensor: reading, recording, decoding, looks, registration.  That of navigation is over the time of the flight
-that it has processed, which a growing backlog makes shorter.  The line scanner of ``configs/range_scanner.toml``
-(10,000 points/s) is recorded and decoded; its lines give no looks.
+that it has processed, which a growing backlog makes shorter.  The two line scanners are those of
+``configs/scan_drift_pair.toml``, 10,000 points/s each.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ SECONDS, MAX_SHARE = 20.0, 0.25
 #: Largest age of the newest frame that navigation has processed [s].
 MAX_LAG_S = 0.5
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
-FILE = CONFIGS / "scan_drift.toml"
+FILE, PAIR_FILE = CONFIGS / "scan_drift.toml", CONFIGS / "scan_drift_pair.toml"
 IMAGER = 'driver = "binary_struct"'
 SCANNER = 'driver = "velodyne_vlp16"\nrate_hz = 754\nlatency_ms = 1.4\nrpy_bs_deg = [-90.0, 0.0, 90.0]\n'
 
@@ -121,30 +121,20 @@ def _link(name: str) -> str:
     return f'[[link]]\nname = "{name}"\n'
 
 
-def looks_text(text: str) -> str:
-    """Link, device and looks of a configuration of the imager or of the VLP-16."""
-    link = _part(text, _link("imager_eth"), _link("ins_eth")) + "buffer_bytes = 8388608\n"
-    return link + _part(text, _device("imager"), _device("ins")) + _part(text, "[nav.scan_drift]", "[nav.alert_limits]")
+def looks_text(text: str, first: str = "imager") -> str:
+    """Links, devices and looks of a configuration whose range sensors begin with the first one."""
+    links = _part(text, _link(f"{first}_eth"), _link("ins_eth")) + "buffer_bytes = 8388608\n"
+    return links + _part(text, _device(first), _device("ins")) + _part(text, "[nav.scan_drift]", "[nav.alert_limits]")
 
 
-def lines_text() -> str:
-    """Link and device of the line scanner."""
-    text = (CONFIGS / "range_scanner.toml").read_text(encoding="utf-8")
-    link, device = (
-        _part(text, _link("lines_eth"), _link("imager_eth")),
-        _part(text, _device("lines"), _device("imager")),
-    )
-    return link + device
-
-
-def live_sensors() -> dict[str, tuple[str | None, str]]:
-    """Name -> link of the range sensor, and its part of the configuration."""
-    text = FILE.read_text(encoding="utf-8")
+def live_sensors() -> dict[str, tuple[tuple[str, ...], str]]:
+    """Name -> links of the range sensors, and their part of the configuration."""
+    text, pair = FILE.read_text(encoding="utf-8"), PAIR_FILE.read_text(encoding="utf-8")
     return {
-        "without": (None, ""),
-        "imager": ("imager_eth", looks_text(text)),
-        "lines": ("lines_eth", lines_text()),
-        "VLP-16": ("imager_eth", looks_text(scanner_text(text))),
+        "without": ((), ""),
+        "imager": (("imager_eth",), looks_text(text)),
+        "2 lines": (("front_eth", "rear_eth"), looks_text(pair, "front")),
+        "VLP-16": (("imager_eth",), looks_text(scanner_text(text))),
     }
 
 
@@ -154,8 +144,8 @@ def measure_live(rounds: int, duration_s: float, targets: Targets) -> None:
     flown = {name: list[Round]() for name in sensors}
     print(f"live, beside the research aircraft: {rounds} rounds of {duration_s:g} s")
     for _ in range(rounds):
-        for name, (link, text) in sensors.items():
-            flown[name].append(research_flight.fly(base + text, link, duration_s))
+        for name, (links, text) in sensors.items():
+            flown[name].append(research_flight.fly(base + text, links, duration_s))
     print("         recorder  navigation     lag  output delay [ms]     emulator late [ms]     datagrams")
     print("         % of core  % of core  max ms   p50   p99   max        p50      p99       sent  recorded   pairs")
     for name, results in flown.items():

@@ -12,6 +12,7 @@ import re
 import subprocess
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -71,7 +72,7 @@ class Round:
     cpu        : processor time of each process over the time of the flight that it has processed: a share of a core
     lag_ms     : of navigation, in each health;  delay_ms : p50, p99 and largest delay of its outputs, over 5 s each
     dropped    : frames dropped by buffers and kernel, on all links
-    sent, recorded : datagrams of the range sensor;  late_ms : p50 and p99 lateness of the emulator on its link
+    sent, recorded : datagrams of the range sensors;  late_ms : p50 and p99 lateness of the emulator on their links
     pairs, found   : pairs of looks, and those with a drift
     verified   : ``fti verify`` finds nothing wrong
     """
@@ -120,8 +121,8 @@ class _Health:
                 result.delay_ms.append((delay["p50_ms"], delay["p99_ms"], delay["max_ms"]))
 
 
-def fly(text: str, link: str | None, duration_s: float) -> Round:
-    """Fly a configuration for a duration [s].  link : of the range sensor, None without one"""
+def fly(text: str, sensor_links: Sequence[str], duration_s: float) -> Round:
+    """Fly a configuration for a duration [s].  sensor_links : of the range sensors"""
     result = Round()
     with tempfile.TemporaryDirectory(prefix="fti-ground-drift-") as name, ExitStack() as stack:
         folder = Path(name)
@@ -141,7 +142,7 @@ def fly(text: str, link: str | None, duration_s: float) -> Round:
         session = running.session
         running.stop()
         result.verified = fti("verify", str(session), timeout=END_S).returncode == 0
-        _read(result, session, json.loads(report.read_text()), link)
+        _read(result, session, json.loads(report.read_text()), sensor_links)
     return result
 
 
@@ -167,15 +168,16 @@ def _observe(running: Daemon, flying: subprocess.Popen[str], result: Round) -> N
     result.cpu = {name: used[name] / processed_s[name] for name in pids}
 
 
-def _read(result: Round, session: Path, report: dict[str, Any], link: str | None) -> None:
+def _read(result: Round, session: Path, report: dict[str, Any], links: Sequence[str]) -> None:
     """What the emulator sent, and what was recorded."""
-    if link is None:
+    if not links:
         return
     recording = Recording.open(session)
-    result.recorded = sum(frame.link == link for frame in recording.frames())
-    counters = report["links"][link]
-    result.sent = counters["messages"]
-    result.late_ms = counters["lateness"]["p50_ms"], counters["lateness"]["p99_ms"]
+    result.recorded = sum(frame.link in links for frame in recording.frames())
+    counters = [report["links"][link] for link in links]
+    result.sent = sum(each["messages"] for each in counters)
+    late = [each["lateness"] for each in counters]
+    result.late_ms = max(each["p50_ms"] for each in late), max(each["p99_ms"] for each in late)
     rows = [json.loads(data) for *_, data in recording.messages("/nav/ground_drift", kind="derived")]
     looks = {row["t_valid_ns"]: row for row in rows if row["pairs"]}
     result.pairs, result.found = len(looks), sum(bool(row["directions"]) for row in looks.values())

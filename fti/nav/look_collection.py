@@ -55,6 +55,8 @@ NEAR_SHARE = 0.3
 MAX_SCAN_NS = 200_000_000
 #: Scans may arrive so late after the end of a look, and the inertial samples after it [ns].
 LATE_NS, MAX_WAIT_NS = 60_000_000, 600_000_000
+#: Time between the strips of two looks, in which the first one is compared [ns]; shorter than any interval.
+PAUSE_NS = 150_000_000
 #: Time between poses of the filter within a look [ns]; between them the turn is at a constant rate.
 POSE_NS = 20_000_000
 
@@ -79,7 +81,7 @@ class LookCollector:
     """
 
     def __init__(self, settings: ScanDriftTable, devices: Sequence[Device]) -> None:
-        self._exposure_ns = round(settings.exposure_s * SECOND_NS)
+        self._exposure_ns = self._longest_ns = round(settings.exposure_s * SECOND_NS)
         self._to_body = {device.name: _mat_bs(device) for device in devices}
         self.next_ns = 0
         self._begin_ns = 0  # of the last look
@@ -105,8 +107,10 @@ class LookCollector:
             self._end_ns = max(int(points.times_ns.max()), t_ns)
 
     def wait(self, interval_ns: int) -> None:
-        """The next look begins so long after the beginning of the last one."""
+        """The next look begins so long after the beginning of the last one; strips end before that."""
         self.next_ns = self._begin_ns + interval_ns
+        if len(self._to_body) > 1:
+            self._exposure_ns = min(self._longest_ns, interval_ns - PAUSE_NS)
 
     def take(self, t_ns: int, newest_ns: int | None) -> list[CollectedLook] | None:
         """The look that is complete at t_ns, once: one for each device, of the same time.

@@ -38,6 +38,7 @@ DURATIONS = {
     "scan_drift_dies": 215.0,
     "scan_drift_mounting": 125.0,
     "scan_drift_outage": 225.0,
+    "scan_drift_pair": 185.0,
     "scan_drift_plain": 20.0,
     "scan_drift_turns": 20.0,
     "scan_drift_water": 110.0,
