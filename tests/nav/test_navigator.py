@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_en, mat_from_rpy
-from fti.geodesy.wgs84 import radii
+from fti.geodesy.wgs84 import ecef_from_geodetic, radii
 from fti.hil.flight.random_routes import random_flight
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
@@ -121,6 +121,26 @@ def test_a_devices_attitude_aligns_it_at_once(flight: FlightState) -> None:
     navigator.feed_inertial(ns(0.08), specific_force_b(flight)[2], angular_rate_b(flight)[2])
     assert navigator.mode(ns(0.08)) == (FilterMode.AIDED, ())
     assert metres_off(navigator, flight, 1) < 0.5
+
+
+def test_a_path_is_not_corrected_by_fixes(flight: FlightState) -> None:
+    """A fix 4 m to the east moves the estimate of the filter; the path between two times is that of the aircraft."""
+    navigator = started(flight, level_sd=3.0)
+    forces, rates = specific_force_b(flight), angular_rate_b(flight)
+    for k in range(1, 21):
+        navigator.feed_inertial(ns(float(flight.t[k])), forces[k], rates[k])
+        if k == 10:
+            navigator.feed_aiding(ns(float(flight.t[k])), gnss(flight, k, east=4.0)[0])
+    first, last = ns(float(flight.t[5])), ns(float(flight.t[15]))
+    path = navigator.path([first, first + 30_000_000, last])
+    ends = [navigator.at(t_ns) for t_ns in (first, last)]
+    assert path is not None and ends[0] is not None and ends[1] is not None
+    begin, end = (ecef_from_geodetic(flight.lat[k], flight.lon[k], flight.alt[k]) for k in (5, 15))
+    moved = end - begin
+    assert path[0].y == pytest.approx(ends[0].y)
+    assert path[-1].y[:3] - path[0].y[:3] == pytest.approx(moved, abs=0.05)
+    assert np.linalg.norm(ends[1].y[:3] - ends[0].y[:3] - moved) > 1.0
+    assert navigator.path([first - 10 * SECOND, last]) is None
 
 
 def test_what_is_missing_is_named(flight: FlightState) -> None:

@@ -71,23 +71,28 @@ class LineScanner:
         return [make_scan(Stamp(T0 + k * 10 * MS), measured, point_arrays(rays_s, offsets))]
 
 
-def config() -> Config:
-    """Both scanners with the lever arm of the imager, which the second one replaces."""
+def config(front: LineScanner, rear: LineScanner, exposure_s: float) -> Config:
+    """Both scanners, as they look without the additional angles, with the lever arm of the imager that they replace."""
     found = of_imager()
     *others, imager = found.device
-    tilts = (math.degrees(TILT), -math.degrees(TILT))
+    tilts = (math.degrees(front.tilt), math.degrees(rear.tilt))
     pair = [
         imager.model_copy(update={"name": name, "rpy_bs_deg": (0.0, tilt, 0.0), "lever_arm_b": ARM_B})
         for name, tilt in zip(NAMES, tilts, strict=True)
     ]
-    drift: dict[str, Any] = {"device": "front", "second_device": "rear", "exposure_s": STRIP_S, "range_sd_m": RANGE_SD}
+    drift: dict[str, Any] = {
+        "device": "front",
+        "second_device": "rear",
+        "exposure_s": exposure_s,
+        "range_sd_m": RANGE_SD,
+    }
     table = type(found.nav).model_validate({"scan_drift": drift}).scan_drift
     nav = found.nav.model_copy(update={"scan_drift": table})
     return found.model_copy(update={"device": (*others, *pair), "nav": nav})
 
 
-def fly(front: LineScanner, rear: LineScanner, end_s: float = 80.0) -> Outputs:
-    pipeline, out = Pipeline(config(), None), Outputs()
+def fly(front: LineScanner, rear: LineScanner, end_s: float = 80.0, exposure_s: float = STRIP_S) -> Outputs:
+    pipeline, out = Pipeline(config(front, rear, exposure_s), None), Outputs()
     for k in range(round(end_s * 100)):
         for device, m in measurements(k, gnss=0.01 * k < SATELLITES_S):
             if device != "laser":
@@ -127,6 +132,18 @@ def test_the_rear_strip_is_compared_with_the_front_strip_of_the_same_ground(nomi
     sds = np.array([[each.north_sd, each.east_sd, each.down_sd] for each in whole])
     assert (sds[:, :2] < 0.15).all()
     assert (np.abs(errors) < 5.0 * np.hypot(sds, [0.2, 0.4, 0.3])).all()  # with the true drift of the filter
+
+
+def test_near_the_ground_a_strip_is_shorter_than_the_exposure() -> None:
+    """The rear scanner sees the ground of the front one after 0.6 s; strips of 1.5 s would hardly overlap."""
+    tilt = math.radians(5.0)
+    out = fly(LineScanner(tilt), LineScanner(-tilt), end_s=20.0, exposure_s=1.5)
+    found = drifts(out, 10.0)
+    assert len(found) > 12
+    assert np.mean([each.overlap or 0.0 for each in found]) > 0.4
+    assert all(
+        each.interval == pytest.approx(2.0 * math.tan(tilt) * (ALT - GROUND_UP) / SPEED, abs=0.05) for each in found
+    )
 
 
 def test_the_pair_aids_without_satellites(nominal: Outputs) -> None:
