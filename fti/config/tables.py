@@ -694,7 +694,12 @@ class ScanDriftTable(StrictModel):
         ),
     ]
     second_device: Annotated[
-        Name | None, key("the rear one of two line scanners, which sees the same ground later", NO_UNIT)
+        Name | None,
+        key(
+            "rear one of two line scanners, which sees the same ground later; none: device sees it twice",
+            NO_UNIT,
+            "rear",
+        ),
     ] = None
     range_sd_m: Annotated[Positive, key("1-sigma of the noise of a range", "m")] = 0.1
     time_sd_ms: Annotated[
