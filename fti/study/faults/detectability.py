@@ -66,6 +66,7 @@ class _Axis(NamedTuple):
     R: Array
 
 
+@cache
 def distance(cell: Cell) -> float:
     """delta of the fault of a cell at T; 0 where the bound does not apply."""
     if cell.kind in {SensorFault.NONE, SensorFault.SIGMA} or cell.kind in INERTIAL_KINDS:
