@@ -1,6 +1,7 @@
 """Headless Chromium over its DevTools protocol.
 
-``async with Chromium() as browser: page = await browser.open(url)``
+``async with Chromium() as browser: page = await browser.open(url)``; ``with running_chromium() as address:`` starts one
+for several ``Chromium(address)``.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import base64
 import contextlib
 import itertools
 import shutil
+import subprocess
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,7 +21,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from tests.helpers import until_async
+from tests.helpers import until
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = (
@@ -47,25 +50,52 @@ class BrowserError(Exception):
     """The browser refused a command, or a script on the page threw."""
 
 
-class Chromium:
-    """One browser with an empty profile, closed at the end of the block."""
+@contextlib.contextmanager
+def running_chromium() -> Iterator[str]:
+    """The address of a browser that runs until the block ends."""
+    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    if program is None:
+        pytest.skip("Chromium is not installed (Debian: chromium); the page is looked at in it")
+    devnull = subprocess.DEVNULL
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        command = [program, *FLAGS, f"--user-data-dir={folder}", "about:blank"]
+        with subprocess.Popen(command, stdout=devnull, stderr=devnull) as process:
+            try:
+                yield _find_address(Path(folder))
+            finally:
+                _end_process(process)
 
-    def __init__(self) -> None:
+
+def _find_address(folder: Path) -> str:
+    """The browser writes its port and path into its profile when it listens."""
+    file = folder / "DevToolsActivePort"
+    lines = until(lambda: file.exists() and file.read_text().split(), START_S, "Chromium to start")
+    assert isinstance(lines, list)
+    return f"ws://127.0.0.1:{lines[0]}{lines[1]}"
+
+
+class Chromium:
+    """An empty profile, gone with its pages at the end of the block; in the browser at the address, or in a new one."""
+
+    def __init__(self, address: str = "") -> None:
+        self._address = address
         self._stack = contextlib.AsyncExitStack()
         self._numbers = itertools.count(1)
         self._waiting: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._pages: dict[str, Page] = {}
         self._socket: aiohttp.ClientWebSocketResponse
+        self._profile: str
 
     async def __aenter__(self) -> Chromium:
         async with self._stack as stack:
-            folder = stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
-            await self._start(Path(folder), stack)
-            address = await self._find_address(Path(folder))
+            address = self._address or await asyncio.to_thread(stack.enter_context, running_chromium())
             client = await stack.enter_async_context(aiohttp.ClientSession())
-            self._socket = await stack.enter_async_context(client.ws_connect(address, max_msg_size=MAX_MESSAGE_BYTES))
+            connected = client.ws_connect(address, max_msg_size=MAX_MESSAGE_BYTES)
+            self._socket = await stack.enter_async_context(connected)
             reader = asyncio.create_task(self._read(), name="devtools")
             stack.push_async_callback(_end_task, reader)
+            self._profile = (await self.command("Target.createBrowserContext"))["browserContextId"]
+            stack.push_async_callback(self.command, "Target.disposeBrowserContext", browserContextId=self._profile)
             self._stack = stack.pop_all()
         return self
 
@@ -73,22 +103,6 @@ class Chromium:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         await self._stack.aclose()
-
-    async def _start(self, folder: Path, stack: contextlib.AsyncExitStack) -> None:
-        program = next(filter(None, map(shutil.which, PROGRAMS)), None)
-        if program is None:
-            pytest.skip("Chromium is not installed (Debian: chromium); the page is looked at in it")
-        arguments = [*FLAGS, f"--user-data-dir={folder}", "about:blank"]
-        devnull = asyncio.subprocess.DEVNULL
-        process = await asyncio.create_subprocess_exec(program, *arguments, stdout=devnull, stderr=devnull)
-        stack.push_async_callback(_end_process, process)
-
-    async def _find_address(self, folder: Path) -> str:
-        """The browser writes its port and path into its profile when it listens."""
-        file = folder / "DevToolsActivePort"
-        lines = await until_async(lambda: file.exists() and file.read_text().split(), START_S, "Chromium to start")
-        assert isinstance(lines, list)
-        return f"ws://127.0.0.1:{lines[0]}{lines[1]}"
 
     async def _read(self) -> None:
         async for message in self._socket:
@@ -114,7 +128,7 @@ class Chromium:
 
     async def open(self, url: str, width: int = 1440, height: int = 900) -> Page:
         """A new page of that size, navigated to the address."""
-        target = await self.command("Target.createTarget", url="about:blank")
+        target = await self.command("Target.createTarget", url="about:blank", browserContextId=self._profile)
         attached = await self.command("Target.attachToTarget", targetId=target["targetId"], flatten=True)
         page = self._pages[attached["sessionId"]] = Page(self, attached["sessionId"])
         for domain in ("Page", "Runtime", "Network", "Log"):
@@ -222,11 +236,9 @@ async def _end_task(task: asyncio.Task[None]) -> None:
         await task
 
 
-async def _end_process(process: asyncio.subprocess.Process) -> None:
-    with contextlib.suppress(ProcessLookupError):
-        process.terminate()
+def _end_process(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
     try:
-        await asyncio.wait_for(process.wait(), 10.0)
-    except TimeoutError:
+        process.wait(10.0)
+    except subprocess.TimeoutExpired:
         process.kill()
-        await process.wait()

@@ -17,7 +17,7 @@ from fti.messages.topics import BUS_ALARMS
 from fti.reason_texts import REASONS
 from tests.alarm_cases import CASES, Daemon, daemon_with
 from tests.run_dirs import running_daemon
-from tests.web.chromium import Chromium, Page, by_testid
+from tests.web.chromium import Chromium, Page, by_testid, running_chromium
 from tests.web.fake_daemon import DRIFT, KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock, make_sinks
 
 pytestmark = [pytest.mark.browser, pytest.mark.e2e]
@@ -47,12 +47,25 @@ def display(daemon: FakeDaemon) -> Iterator[DisplayProcess]:
     result.close()
 
 
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[str]:
+    """The address of one browser for all tests."""
+    with running_chromium() as address:
+        yield address
+
+
 @pytest.fixture
-async def page(display: DisplayProcess) -> AsyncIterator[Page]:
-    async with Chromium() as browser:
-        opened = await browser.open(display.owner_url)
-        await opened.wait_for(f"{FRESH} && {MAY_COMMAND}")
-        yield opened
+async def browser(chromium: str) -> AsyncIterator[Chromium]:
+    """An empty profile."""
+    async with Chromium(chromium) as result:
+        yield result
+
+
+@pytest.fixture
+async def page(display: DisplayProcess, browser: Chromium) -> Page:
+    opened = await browser.open(display.owner_url)
+    await opened.wait_for(f"{FRESH} && {MAY_COMMAND}")
+    return opened
 
 
 def is_struck(testid: str) -> str:
@@ -408,22 +421,23 @@ async def test_a_lost_connection_is_unmistakable_and_ends(
         await asyncio.to_thread(successor.close)
 
 
-async def test_without_the_key_the_page_only_shows(daemon: FakeDaemon, display: DisplayProcess) -> None:
+async def test_without_the_key_the_page_only_shows(
+    daemon: FakeDaemon, display: DisplayProcess, browser: Chromium
+) -> None:
     daemon.breakers = {}
     display.send("UsableDevices", devices=[*CATALOGUE, PDU])
-    async with Chromium() as browser:
-        for address, fault in ((display.url, WITHOUT_KEY), (f"{display.url}#key=of_an_earlier_start", WRONG_KEY)):
-            page = await browser.open(address)
-            await page.wait_for(f"{FRESH} && {shows('view-only', fault)}")
-            await page.wait_for(f"!{by_testid('commands-open')}.hidden && {by_testid('breaker-gnss')}?.disabled")
-            for testid in ("mark-text", "mark-button", "snapshot-button"):
-                assert await page.eval(f"{by_testid(testid)}.hidden")
-            assert await page.eval(f"{by_testid('commands-send')}.disabled")
-            assert await page.text("commands-word") == fault
-            await page.press("m")
-            assert await page.eval("document.activeElement === document.body")
-            assert await page.eval(CUT_OFF) == []
-            assert page.problems == []
+    for address, fault in ((display.url, WITHOUT_KEY), (f"{display.url}#key=of_an_earlier_start", WRONG_KEY)):
+        page = await browser.open(address)
+        await page.wait_for(f"{FRESH} && {shows('view-only', fault)}")
+        await page.wait_for(f"!{by_testid('commands-open')}.hidden && {by_testid('breaker-gnss')}?.disabled")
+        for testid in ("mark-text", "mark-button", "snapshot-button"):
+            assert await page.eval(f"{by_testid(testid)}.hidden")
+        assert await page.eval(f"{by_testid('commands-send')}.disabled")
+        assert await page.text("commands-word") == fault
+        await page.press("m")
+        assert await page.eval("document.activeElement === document.body")
+        assert await page.eval(CUT_OFF) == []
+        assert page.problems == []
     display.control.setblocking(False)
     with pytest.raises(BlockingIOError):
         display.control.recv(1)
@@ -437,22 +451,20 @@ async def test_the_key_leaves_the_address_and_stays_in_its_tab(page: Page, displ
     await page.wait_for(f"{FRESH} && {MAY_COMMAND}")
 
 
-async def test_a_page_that_is_open_already_takes_the_key(display: DisplayProcess) -> None:
-    async with Chromium() as browser:
-        page = await browser.open(display.url)
-        await page.wait_for(f"{FRESH} && {shows('view-only', WITHOUT_KEY)}")
-        await page.eval(f"void (location.href = '{display.owner_url}')")
-        await page.wait_for(MAY_COMMAND)
-        assert await page.eval("location.hash") == ""
+async def test_a_page_that_is_open_already_takes_the_key(display: DisplayProcess, browser: Chromium) -> None:
+    page = await browser.open(display.url)
+    await page.wait_for(f"{FRESH} && {shows('view-only', WITHOUT_KEY)}")
+    await page.eval(f"void (location.href = '{display.owner_url}')")
+    await page.wait_for(MAY_COMMAND)
+    assert await page.eval("location.hash") == ""
 
 
 async def test_the_file_of_the_run_directory_leads_to_the_page_with_the_key(
-    display: DisplayProcess, tmp_path: Path
+    display: DisplayProcess, browser: Chromium, tmp_path: Path
 ) -> None:
     with running_daemon(tmp_path / "run", page=display.owner_url) as made:
-        async with Chromium() as browser:
-            page = await browser.open((made.path / "page.html").as_uri())
-            await page.wait_for(f"location.href === '{display.url}' && {FRESH} && {MAY_COMMAND}")
+        page = await browser.open((made.path / "page.html").as_uri())
+        await page.wait_for(f"location.href === '{display.url}' && {FRESH} && {MAY_COMMAND}")
 
 
 async def test_a_display_that_hangs_is_a_lost_connection(page: Page, display: DisplayProcess) -> None:
@@ -559,21 +571,22 @@ async def test_outputs_that_are_late_in_an_alert_end_no_alarm(page: Page, daemon
     assert await page.eval(lasts(tile, "GROUND CLEARANCE ALERT"))
 
 
-async def test_who_may_not_command_may_not_acknowledge(display: DisplayProcess, daemon: FakeDaemon) -> None:
+async def test_who_may_not_command_may_not_acknowledge(
+    display: DisplayProcess, daemon: FakeDaemon, browser: Chromium
+) -> None:
     daemon.change_integrity = make_alert
-    async with Chromium() as browser:
-        page = await browser.open(display.url)
-        await page.wait_for(lasts("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
-        await page.wait_for(f"{by_testid('acknowledge')}.title === '{WITHOUT_KEY}'")
-        assert await page.eval(f"{by_testid('acknowledge')}.disabled")
+    page = await browser.open(display.url)
+    await page.wait_for(lasts("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
+    await page.wait_for(f"{by_testid('acknowledge')}.title === '{WITHOUT_KEY}'")
+    assert await page.eval(f"{by_testid('acknowledge')}.disabled")
 
 
-async def test_alarms_outlast_a_display(page: Page, daemon: FakeDaemon, display: DisplayProcess) -> None:
+async def test_alarms_outlast_a_display(page: Page, daemon: FakeDaemon, display: DisplayProcess, chromium: str) -> None:
     await raise_alert(daemon, page)
     begun = await page.text("alarm-integrity_alert")
     other = DisplayProcess(daemon)
     try:
-        async with Chromium() as browser:
+        async with Chromium(chromium) as browser:
             second = await browser.open(other.url)
             await second.wait_for(lasts("alarm-integrity_alert", begun[: begun.index("·")]))
     finally:
