@@ -31,7 +31,7 @@ class Surface:
     east0: float
     north0: float
 
-    @property
+    @functools.cached_property
     def relief(self) -> float:
         return float(self.top.std())
 

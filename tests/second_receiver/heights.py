@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -112,11 +113,26 @@ def device_of(case: Case) -> Device:
 
 def run_site(case: Case, number: int, seed: int = 1) -> list[Samples]:
     """Flights over one surface, each with navigation errors, and with a receiver, of its own."""
-    rng = np.random.default_rng([seed, case.stream, number])
-    surface = make_surface(case.ground, rng)
+    site = _make_site(case.ground, (seed, case.stream, number))
+    ground = Ground(terrain_of(site.model), site.model.sd, "second receiver") if case.known else None
+    return [_run_flight(case, site.surface, ground, np.random.default_rng(stream)) for stream in site.streams]
+
+
+@dataclass(frozen=True, eq=False)
+class _Site:
+    """A surface, its survey, and the seeds of the flights over it."""
+
+    surface: Surface
+    model: ElevationModel
+    streams: tuple[int, ...]
+
+
+@functools.lru_cache(maxsize=4)  # the quick sites of a case, for the next case over the same ground
+def _make_site(kind: str, seeds: tuple[int, ...]) -> _Site:
+    rng = np.random.default_rng(seeds)
+    surface = make_surface(kind, rng)
     model = survey(surface, float(rng.choice(POSTS_M)), rng)
-    ground = Ground(terrain_of(model), model.sd, "second receiver") if case.known else None
-    return [_run_flight(case, surface, ground, np.random.default_rng(rng.integers(2**63))) for _ in range(FLIGHTS)]
+    return _Site(surface, model, tuple(rng.integers(2**63) for _ in range(FLIGHTS)))
 
 
 def run_sites(case: Case, sites: int, seed: int = 1) -> list[Samples]:

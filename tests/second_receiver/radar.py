@@ -100,7 +100,8 @@ class Radar:
         up, wooded = surface.height(east, north), surface.is_wooded(east, north)
         into = rng.random(shape)
         crown = up - rng.exponential(1.2, shape)
-        up = np.where(wooded, np.where(into < 0.2, surface.bare_height(east, north), crown), up)
+        if wooded.any():
+            up = np.where(wooded, np.where(into < 0.2, surface.bare_height(east, north), crown), up)
         to = np.stack(
             (east - places[:, 0, None, None], north - places[:, 1, None, None], up - places[:, 2, None, None])
         )
