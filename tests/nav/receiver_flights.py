@@ -40,6 +40,7 @@ T0 = 1_000 * SECOND_NS
 SECONDS, STEP_S, FIX_S = 600.0, 0.04, 0.2
 #: The sound part of flights with faults is flown once, in whole multiples of this [s].
 SHARED_S = 20.0
+NO_GAP = (np.inf, np.inf)
 LAT, LON, ALT = 0.82, 0.15, 1500.0
 LEVEL_SD, HEIGHT_SD, WHITE_SD, VELOCITY_SD = 1.5, 2.5, 1.0, 0.1
 ACCEL_BIAS, GYRO_BIAS, ACCEL_WHITE, GYRO_WHITE = 8e-3, 5e-6, 5e-3, 1e-4
@@ -153,20 +154,22 @@ def fly(
     baro: bool = True,
     restored: Sequence[CarriedRefusal] = (),
     until_s: float = SECONDS,
+    gap_s: tuple[float, float] = NO_GAP,
 ) -> FlightResult:
     """Through the live filter, with faults of receivers by name.
 
-    restored : refusals with which it begins.  The time before the first faulty fix is flown once for all faults.
+    restored : refusals with which it begins;  gap_s : of the samples of the inertial unit, begin and end [s].
+    The time before the first faulty fix is flown once for all faults.
     """
     fixes = {
         name: faults[name](sound) if faults and name in faults else sound for name, sound in flight.receivers.items()
     }
-    shared_s = SHARED_S * (_first_difference(flight.receivers, fixes) // SHARED_S)
+    shared_s = SHARED_S * (min(_first_difference(flight.receivers, fixes), gap_s[0]) // SHARED_S)
     if restored or shared_s == 0.0:
         run = FlightRun.begin(flight, baro, restored)
     else:
         run = copy.deepcopy(_sound_run(flight, baro, shared_s), {id(flight): flight})
-    run.advance(measurements(flight, fixes, baro), until_s)
+    run.advance(measurements(flight, fixes, baro), until_s, gap_s)
     return run.result
 
 
@@ -211,13 +214,17 @@ class FlightRun:
         filtered.restore(restored, T0)
         return cls(flight, filtered, flight.truth.state(flight.t))
 
-    def advance(self, queue: Iterator[tuple[float, str, Measurement]], until_s: float) -> None:
+    def advance(
+        self, queue: Iterator[tuple[float, str, Measurement]], until_s: float, gap_s: tuple[float, float] = NO_GAP
+    ) -> None:
         """Fly on with the measurements of a whole flight, of which those before now have been fed."""
         now_s = float(self.flight.t[self.done - 1]) if self.done else -np.inf
         left = itertools.dropwhile(lambda row: row[0] < now_s, queue)
         end = next(left, None)
         for k in range(self.done, int(np.searchsorted(self.flight.t, until_s))):
             t = float(self.flight.t[k])
+            if gap_s[0] <= t < gap_s[1]:
+                continue
             self._feed_unit(k)
             while end is not None and end[0] < t:
                 at_s, device, m = end

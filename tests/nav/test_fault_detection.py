@@ -8,7 +8,6 @@ than the protection level.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from tests.nav.receiver_flights import (
     SECONDS,
     Fault,
     Fixes,
-    Flight,
     FlightResult,
     draw,
     fly,
@@ -34,6 +32,10 @@ Array = NDArray[np.float64]
 BEGIN, END = 300.0, 360.0
 #: Flights with one fault end then in quick tests [s].
 QUICK_END_S = 420.0
+#: Those in which a device is silent until after that, or the filter begins again.
+QUICK_RETURN_END_S = 480.0
+#: Of the inertial unit: the filter begins again [s].
+GAP_S = (400.0, 400.5)
 FLIGHTS, FLIGHTS_FULL = 1, 10
 #: Alignment, and until all copies exist [s].
 SETTLED = 60.0
@@ -68,6 +70,12 @@ def numbers(request: pytest.FixtureRequest) -> range:
 def until_s(scale: int) -> float:
     """End of the flights with one fault [s]."""
     return QUICK_END_S if scale == 1 else SECONDS
+
+
+@pytest.fixture
+def return_until_s(scale: int) -> float:
+    """End of the flights in which something returns at 400 s."""
+    return QUICK_RETURN_END_S if scale == 1 else SECONDS
 
 
 STANDING: dict[str, tuple[Fault, float]] = {
@@ -159,9 +167,9 @@ def test_without_a_barometer_a_wrong_height_refuses_the_receiver(until_s: float)
 
 
 @pytest.mark.parametrize("name", ["step", "frozen", "sharp ramp"])
-def test_of_two_receivers_the_one_that_lies_is_refused(name: str) -> None:
+def test_of_two_receivers_the_one_that_lies_is_refused(name: str, until_s: float) -> None:
     """The other one goes on aiding: no coasting, and an error as before."""
-    flight = fly(draw(0, ("gnss", "second")), {"gnss": STANDING[name][0]})
+    flight = fly(draw(0, ("gnss", "second")), {"gnss": STANDING[name][0]}, until_s=until_s)
     assert flight.refused_at("gnss")[0] - BEGIN <= STANDING[name][1] + 5.0, (
         "which of the two, the inertial unit must say"
     )
@@ -204,18 +212,18 @@ def silent_after_an_outlier(at_s: float) -> Fault:
     return fault
 
 
-def test_a_receiver_that_falls_silent_after_a_wrong_fix_does_not_hold_the_copies() -> None:
+def test_a_receiver_that_falls_silent_after_a_wrong_fix_does_not_hold_the_copies(until_s: float) -> None:
     """The gate refused it for ever; no copy was replaced, and HPL was 8 km beside a sound receiver."""
-    flight = fly(draw(0, ("gnss", "second")), {"second": silent_after_an_outlier(200.0)})
+    flight = fly(draw(0, ("gnss", "second")), {"second": silent_after_an_outlier(200.0)}, until_s=until_s)
     assert max(flight.hpl[-60:]) < 30.0
     assert not flight.events, flight.texts()
 
 
 @pytest.mark.parametrize("from_s", [0.0, 200.0])
-def test_a_receiver_that_is_silent_while_another_one_lies_is_not_refused(from_s: float) -> None:
+def test_a_receiver_that_is_silent_while_another_one_lies_is_not_refused(from_s: float, return_until_s: float) -> None:
     """It was refused with it, unconfirmed for ever, and its old copy left the fault unresolved for 14 s."""
     faults = {"gnss": STANDING["sharp ramp"][0], "second": silent(from_s, 400.0)}
-    flight = fly(draw(0, ("gnss", "second")), faults)
+    flight = fly(draw(0, ("gnss", "second")), faults, until_s=return_until_s)
     assert flight.refused_at("gnss")[0] - BEGIN <= STANDING["sharp ramp"][1], flight.texts()
     assert len(flight.refused_at("second")) == 0
     assert flight.misled(SETTLED) == 0.0
@@ -223,40 +231,39 @@ def test_a_receiver_that_is_silent_while_another_one_lies_is_not_refused(from_s:
     assert flight.radial[-1] < 8.0
 
 
-def without_samples(flight: Flight, from_s: float, to_s: float) -> Flight:
-    """The same flight with a gap of the inertial unit: the filter restarts."""
-    is_kept = (flight.t < from_s) | (flight.t >= to_s)
-    return replace(flight, t=flight.t[is_kept], imu=flight.imu[is_kept])
-
-
 def test_a_filter_that_begins_again_does_not_begin_with_a_receiver_that_contradicted_it() -> None:
     """A step of 100 m at 300 s, a gap of the inertial unit at 400 s: no position rather than a wrong one."""
-    flight = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": STANDING["step"][0]})
+    flight = fly(draw(0), {"gnss": STANDING["step"][0]}, gap_s=GAP_S)
     assert max(flight.t) == pytest.approx(399.0, abs=1.1)
     assert flight.misled(SETTLED) == 0.0
 
 
 def test_a_filter_that_begins_again_does_not_begin_with_a_height_that_contradicted_it() -> None:
     """47 m of height at 300 s, a gap of the inertial unit at 400 s: the altitude was 49 m off, its level 25 m."""
-    flight = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
+    fault = offset_after(BEGIN, constant(0.0, 0.0, 47.0))
+    flight = fly(draw(0), {"gnss": fault}, gap_s=GAP_S)
     assert "gnss height: refused" in flight.texts()
     assert max(flight.t) == pytest.approx(399.0, abs=1.1)
     assert flight.misled(SETTLED) == 0.0
 
 
-def test_a_filter_that_begins_again_with_another_height_still_refuses_the_one_that_contradicted() -> None:
-    flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
-    result = fly(flight, {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
-    assert max(result.t) == pytest.approx(599.0, abs=1.1)
+def test_a_filter_that_begins_again_with_another_height_still_refuses_the_one_that_contradicted(
+    return_until_s: float,
+) -> None:
+    fault = offset_after(BEGIN, constant(0.0, 0.0, 47.0))
+    result = fly(draw(0, ("gnss", "second")), {"gnss": fault}, gap_s=GAP_S, until_s=return_until_s)
+    assert max(result.t) == pytest.approx(return_until_s - 1.0, abs=1.1)
     assert "gnss height: still refused after a restart of the filter" in result.texts()
     assert result.misled(SETTLED) == 0.0
 
 
-def test_a_filter_that_begins_again_with_another_receiver_still_refuses_the_one_that_lied() -> None:
-    flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
-    result = fly(flight, {"gnss": STANDING["step"][0]})
+def test_a_filter_that_begins_again_with_another_receiver_still_refuses_the_one_that_lied(
+    return_until_s: float,
+) -> None:
+    fault = STANDING["step"][0]
+    result = fly(draw(0, ("gnss", "second")), {"gnss": fault}, gap_s=GAP_S, until_s=return_until_s)
     assert result.refused_at("gnss")[-1] == pytest.approx(max(result.t))
-    assert max(result.t) == pytest.approx(599.0, abs=1.1)
+    assert max(result.t) == pytest.approx(return_until_s - 1.0, abs=1.1)
     assert "gnss: still refused after a restart of the filter" in result.texts()
     assert result.misled(SETTLED) == 0.0
 
