@@ -1,5 +1,6 @@
 """Calibration: sigma factors, and small references."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,9 +10,10 @@ from scipy.special import gammaincinv
 from fti.errors import ConfigError
 from fti.hil.approach_reference import calibration
 from fti.hil.approach_reference.approaches import RA4500, TerrainGround
-from fti.hil.approach_reference.calibration import make_reference
+from fti.hil.approach_reference.calibration import calibrate, make_reference, with_receivers
 from fti.hil.approach_reference.options import ReferenceOptions
-from fti.hil.approach_reference.profile import few_draws_factor
+from fti.hil.approach_reference.profile import few_draws_factor, make_surface
+from fti.hil.approach_reference.range_map import map_ground
 from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.reference import ApproachReference, Limits
@@ -82,9 +84,12 @@ def test_the_limit_of_t4_is_that_of_the_templates_which_the_file_names(
         return make_limits(plan, maxima)
 
     monkeypatch.setattr(calibration, "make_limits", remembered)
+    options = plan(1200.0, 20)
+    mapped = map_ground(with_receivers(ground, options), options.s_max, lambda _: None)
+    surface = make_surface(mapped, options, lambda *step: None)
     for widths in ((15.0, 30.0, 50.0, 75.0, 100.0), ()):
         monkeypatch.setattr(calibration, "WIDTHS_M", widths)
-        limits = make_reference(ground, plan(1200.0, 20), lambda *step: None).header.limits
+        limits = calibrate(mapped, surface, options, lambda *step: None).header.limits
         assert limits.t4_widths_m == (5.0, *widths)
     templates, bins = recorded_maxima
     assert np.all(templates[:, 3] >= bins[:, 3])
@@ -93,7 +98,8 @@ def test_the_limit_of_t4_is_that_of_the_templates_which_the_file_names(
 
 
 def test_detection_beside_the_track_is_tabulated(ground: TerrainGround) -> None:
-    found = make_reference(ground, plan(1500.0, 20), lambda *step: None).header.detection
+    options = replace(plan(1500.0, 20), obstacle_runs=0)
+    found = make_reference(ground, options, lambda *step: None).header.detection
     assert found is not None
     assert (found.y_m, found.s_m, found.runs) == ((50.0, 100.0, 200.0), (2000.0, 1000.0), 2)
     assert np.shape(found.pd) == (3, 2)
