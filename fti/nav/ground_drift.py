@@ -43,6 +43,7 @@ from fti.messages.reasons import Reason
 from fti.nav.filter.look_mark import (
     CLOCK,
     CLOCK_DRIFT,
+    MAX_GAP_NS,
     SCAN_DRIFT,
     SECOND_DRIFT,
     SECOND_MOUNTING,
@@ -99,8 +100,6 @@ REFUSED_COUNT, REFUSED_NS = 2, 60_000_000_000
 MIN_ROLL_RATE, ROLL_LOOK_NS = math.radians(3.0), 1_000_000_000
 #: Rate about the forward axis in the inertial sample of an estimate.
 ROLL_RATE = 3
-#: Longest time from one look to the next over which the first one is kept [ns].
-MAX_GAP_NS = 15_000_000_000
 #: Greatest age of a valid drift, in intervals of its looks.
 MAX_AGE_INTERVALS = 3.0
 #: Repetition of the last output [ns].

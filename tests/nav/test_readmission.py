@@ -10,7 +10,7 @@ from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.innovation_gate import LIMITS
 from fti.nav.filter.segment import AidingEntry
-from fti.nav.separation.exclusions import ExcludedReceiver, describe_readmission
+from fti.nav.separation.excluded_receivers import ExcludedReceiver, describe_readmission
 from fti.nav.separation.monitor import QUANTITY_AXES
 from fti.nav.separation.readmission import AGREED_COUNT, Contradiction, ReadmissionCheck
 

@@ -60,6 +60,8 @@ from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
 STATES = 6
 #: Names of drifts and of marks in the filter; devices name no quantity so.
 SCAN_DRIFT, SCAN_MARK = "scan.drift", "scan.mark"
+#: Longest time from one look to the next over which the first one is kept [ns].
+MAX_GAP_NS = 15_000_000_000
 #: Share of the ranges, share of the roughness, mounting about body z [rad], and lateness of the times [s], by their
 #: names.
 SHARE, COVER, YAW, CLOCK = "scan_share", "scan_cover", "scan_yaw", "scan_clock"

@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from fti.config import Filter
 from fti.constants import SECOND_NS
 from fti.nav.filter.innovation_gate import GateDecision
-from fti.nav.filter.look_mark import SCAN_DRIFT
+from fti.nav.filter.look_mark import MAX_GAP_NS, SCAN_DRIFT
 from fti.nav.filter.segment import FilterSegment, Piece
 from fti.nav.separation.copy_ring import CopyRing, RingSettings
 from fti.nav.separation.monitor import HORIZONTAL_AXES, Refusals, SeparationMonitor, SourceFault
@@ -40,8 +40,8 @@ from fti.nav.separation.source_class import (
 
 #: Copies of each ring, and age of the younger one without satellites when the next one begins [ns].
 RING_COPIES, WITHOUT_SATELLITES_NS = 2, 60 * SECOND_NS
-#: A drift that was used within so long bounds the filter: the longest time between looks [ns].
-USED_NS = 15 * SECOND_NS
+#: A drift that was used within so long bounds the filter [ns].
+USED_NS = MAX_GAP_NS
 
 
 class DriftWatch:

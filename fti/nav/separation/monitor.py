@@ -36,8 +36,6 @@ ALIKE_SHARE = 0.5
 SILENT_REFUSAL_NS = 10_000_000_000
 #: Delay of the first copies after the start of the filter, until velocity and tilt are certain enough.
 SETTLE_NS = 20_000_000_000
-#: An unattributed contradiction ends after so long below half of K_FA.
-UNRESOLVED_END_NS = 60_000_000_000
 #: Axes of a separation, for texts.
 AXES = ("north", "east", "down", "velocity north", "velocity east", "velocity down")
 QUANTITY_AXES = {"position": slice(0, 2), "height": slice(2, 3), "velocity": slice(3, 6)}

@@ -31,21 +31,28 @@ class ProtectionLevels(NamedTuple):
     vertical: float
 
 
-def filter_levels(estimate: Estimate) -> ProtectionLevels:
-    """Without any copy."""
-    return ProtectionLevels(K_RADIAL * largest_sd(estimate.cov_n[:2, :2]), K_AXIS * float(estimate.sd_n[2]))
+def filter_levels(estimate: Estimate, copies: Iterable[ProtectionLevels], tolerance: float) -> ProtectionLevels:
+    """Of the filter.  copies : levels of its copies, by comparison"""
+    own = ProtectionLevels(K_RADIAL * largest_sd(estimate.cov_n[:2, :2]), K_AXIS * float(estimate.sd_n[2]))
+    levels = [own, *copies]
+    return ProtectionLevels(
+        max(level.horizontal for level in levels) + tolerance,
+        max(level.vertical for level in levels) + tolerance,
+    )
 
 
-def provisional_levels(offset_n: Array, estimate: Estimate, copies: Iterable[ProtectionLevels]) -> ProtectionLevels:
+def provisional_levels(
+    offset_n: Array, estimate: Estimate, copies: Iterable[ProtectionLevels], tolerance: float
+) -> ProtectionLevels:
     """Of a provisional filter with an offset from the filter.  estimate : of the filter
 
-    offset_n : (6,) [m, m/s], north, east, down;  copies : levels of the copies of the filter, by class
+    offset_n : (6,) [m, m/s], north, east, down;  copies : levels of the copies of the filter, by comparison
     """
     own = ProtectionLevels(K_MD_RADIAL * largest_sd(estimate.cov_n[:2, :2]), K_MD_AXIS * float(estimate.sd_n[2]))
     levels = [own, *copies]
     return ProtectionLevels(
-        math.hypot(offset_n[0], offset_n[1]) + max(level.horizontal for level in levels),
-        abs(float(offset_n[2])) + max(level.vertical for level in levels),
+        math.hypot(offset_n[0], offset_n[1]) + max(level.horizontal for level in levels) + tolerance,
+        abs(float(offset_n[2])) + max(level.vertical for level in levels) + tolerance,
     )
 
 

@@ -45,6 +45,7 @@ HEIGHT_RING = RingSettings(copies=2, step_ns=30 * SECOND_NS)
 RECEIVER_RING = RingSettings(copies=1, step_ns=None)
 #: A receiver that was accepted within so long bounds the filter without another one [ns].
 BOUNDED_NS = 2 * SECOND_NS
+#: Labels of the classes of all receivers.
 HEIGHTS, SATELLITES = "heights", "satellites"
 QUANTITIES, LEVEL, HEIGHT = ("position", "height", "velocity"), ("position", "velocity"), ("height",)
 
@@ -147,27 +148,29 @@ def long_absence_ns(unit: str) -> int:
     return COPIES * STEPS_NS[unit]
 
 
-def make_classes(settings: Filter, *, has_looks: bool = False) -> list[SourceClass]:
-    """Classes of the receivers that aid; the satellites first.  has_looks : drifts between looks aid, too"""
-    receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
-    altimeters = _altimeter_names(settings)
+def make_satellites(settings: Filter, *, has_looks: bool = False) -> SourceClass:
+    """The class of all receivers that aid.  has_looks : drifts between looks aid, too"""
+    receivers, steps_ns = settings.gnss, STEPS_OF_SEVERAL_NS if len(settings.gnss) > 1 else STEPS_NS
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
-    ring = RingSettings(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
     aids = dead_reckoning_names(settings) | (frozenset({SCAN_DRIFT}) if has_looks else frozenset())
     removed = names_of(receivers, QUANTITIES) | names_beside_satellites(settings) | aids
-    satellites = CopyRing(removed, names_of(receivers, tested), ring)
-    long_ns = long_absence_ns(settings.unit)
-    monitor = SeparationMonitor(satellites, axes, K_FA_SATELLITES)
-    classes = [SourceClass(SATELLITES, receivers, QUANTITIES, monitor, long_ns, aids)]
-    if settings.baro:
-        names = names_of(receivers, HEIGHT)
-        copy_ring = CopyRing(names | altimeters, names, HEIGHT_RING)
-        monitor = SeparationMonitor(copy_ring, DOWN_AXIS)
-        classes.append(SourceClass(HEIGHTS, receivers, HEIGHT, monitor, HEIGHT_RING.max_age_ns))
-    for name in several:
-        copy_ring = CopyRing(receiver_names(name), receiver_names(name), RECEIVER_RING)
-        classes.append(SourceClass(name, (name,), QUANTITIES, SeparationMonitor(copy_ring, ALL_AXES)))
-    return classes
+    copy_ring = CopyRing(removed, names_of(receivers, tested), RingSettings(COPIES, steps_ns[settings.unit]))
+    monitor = SeparationMonitor(copy_ring, axes, K_FA_SATELLITES)
+    return SourceClass(SATELLITES, receivers, QUANTITIES, monitor, long_absence_ns(settings.unit), aids)
+
+
+def make_heights(settings: Filter) -> SourceClass:
+    """The class of the heights of all receivers that aid, if a barometer bounds the altitude without them."""
+    names = names_of(settings.gnss, HEIGHT)
+    copy_ring = CopyRing(names | _altimeter_names(settings), names, HEIGHT_RING)
+    monitor = SeparationMonitor(copy_ring, DOWN_AXIS)
+    return SourceClass(HEIGHTS, settings.gnss, HEIGHT, monitor, HEIGHT_RING.max_age_ns)
+
+
+def make_receiver(name: str) -> SourceClass:
+    """The class of one of several receivers that aid."""
+    copy_ring = CopyRing(receiver_names(name), receiver_names(name), RECEIVER_RING)
+    return SourceClass(name, (name,), QUANTITIES, SeparationMonitor(copy_ring, ALL_AXES))
 
 
 def names_beside_satellites(settings: Filter) -> frozenset[str]:

@@ -1,58 +1,16 @@
-"""A receiver, or its heights only, that the filter excludes, and the texts of its events."""
+"""Texts of the events of fault detection: what is excluded and why, and what ends it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from fti.constants import SECOND_NS
-from fti.nav.confirmation import Size
 from fti.nav.filter.look_mark import SCAN_DRIFT
 from fti.nav.separation.absence import TRIAL_NS
+from fti.nav.separation.excluded_receivers import ExcludedReceiver, describe_readmission
 from fti.nav.separation.monitor import SourceFault
-from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, ReadmissionCheck
+from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS
 from fti.nav.separation.source_class import SourceClass
-
-
-@dataclass(slots=True)
-class ExcludedReceiver:
-    """A receiver, or its heights only, that does not aid.
-
-    label : for texts;  is_announced : whether an event has reported that it agrees and stays unconfirmed
-    """
-
-    device: str
-    label: str
-    onset_ns: int
-    readmission_check: ReadmissionCheck
-    is_announced: bool = False
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of ``Aiding``."""
-        return frozenset(self.readmission_check.contradictions)
-
-
-def size_of(receiver: ExcludedReceiver) -> Size:
-    """Size of the contradiction of position and height; one of the velocity only has no size in metres."""
-    contradictions = {name.rpartition(".")[2]: c for name, c in receiver.readmission_check.contradictions.items()}
-    known = {name: c.size for name, c in contradictions.items() if c.outside_ns is not None}
-    horizontal = known.get("position", 0.0)
-    return Size(horizontal if horizontal > 0.0 else None, known.get("height"))
-
-
-def describe_readmission(receiver: ExcludedReceiver) -> str:
-    """The ways to readmit a receiver or its heights, as far as known."""
-    check, command = receiver.readmission_check, f"'fti readmit {receiver.device}'"
-    ways = ["a step back that ends the contradiction"] if check.is_known and check.is_outside else []
-    if check.is_resolvable:
-        ways.append(f"a sigma of the filter below {check.describe_resolved()}")
-    if receiver.label == receiver.device and (size_of(receiver).horizontal or 0.0) > 0.0:
-        ways.append("agreement of an independent source")
-    if not ways:
-        return command
-    agreed = f"{AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes inside the gate of the filter"
-    return f"{agreed} and {' or '.join(ways)}; or {command}"
 
 
 def describe_exclusion(device: str, label: str, finding: SourceFault, t_ns: int) -> str:
@@ -101,3 +59,18 @@ def describe_unconfirmed(receiver: ExcludedReceiver) -> str:
         f"{receiver.label}: agrees again for {AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes, unconfirmed; it aids"
         f" again after {describe_readmission(receiver)}"
     )
+
+
+def describe_still_excluded(receiver: ExcludedReceiver, restarted: str) -> str:
+    """Text when a receiver stays excluded.  restarted : what has restarted"""
+    return f"{receiver.label}: still refused after {restarted}; it aids again after {describe_readmission(receiver)}"
+
+
+def describe_contradiction(finding: SourceFault) -> str:
+    """Text when sources contradict each other and none is excluded."""
+    return f"contradiction: {finding.text}; it is unknown which of the sources is wrong, none is excluded"
+
+
+def describe_filter_restart(receiver: ExcludedReceiver, source: str) -> str:
+    """Text when an excluded receiver and an independent source agree against the filter."""
+    return f"filter: restarts: {receiver.label} and {source} agree, and contradict it"
