@@ -159,8 +159,10 @@ def gives_scans(bound: BoundDevice) -> bool:
 
 #: Longest look of a scanner that turns [s].
 MAX_TURN_S = 0.2
-#: The front line scanner looks so much further ahead than the rear one, in heights above ground.
-MIN_DISTANCE_AHEAD = 0.05
+#: Shortest exposure of a strip of lines [s].
+MIN_STRIP_S = 0.2
+#: The front line scanner looks so much further ahead than the rear one, in heights above ground; both look down.
+MIN_DISTANCE_AHEAD, MIN_DOWN = 0.05, 0.5
 
 
 def check_scan_drift(config: Config, devices: Sequence[BoundDevice]) -> None:
@@ -168,47 +170,50 @@ def check_scan_drift(config: Config, devices: Sequence[BoundDevice]) -> None:
     settings = config.nav.scan_drift
     if settings is None:
         return
-    key, by_name = f"{config.path}: nav.scan_drift", {bound.device.name: bound for bound in devices}
-    for name, bound in ((name, by_name[name]) for name in settings.devices):
+    table, by_name = f"{config.path}: nav.scan_drift", {bound.device.name: bound for bound in devices}
+    for key, name in zip(("device", "second_device"), settings.devices, strict=False):
+        bound = by_name[name]
         if not gives_scans(bound):
             able = ", ".join(other for other in drivers.names() if drivers.has_turns(drivers.load(other)))
             text = f"{bound.device.driver} gives no scans; drivers that do: {able}, and binary_struct with "
-            raise ConfigError(f"{key}.device = {name!r}: {text}device.options.array")
-        _check_look(settings, bound, key)
+            raise ConfigError(f"{table}.{key} = {name!r}: {text}device.options.array")
+        _check_look(settings, bound, table, key)
     if settings.second_device is not None:
-        _check_front(key, *(by_name[name].device for name in settings.devices))
+        _check_front(table, *(by_name[name].device for name in settings.devices))
 
 
-def _check_look(settings: configuration.ScanDriftTable, bound: BoundDevice, key: str) -> None:
+def _check_look(settings: configuration.ScanDriftTable, bound: BoundDevice, table: str, key: str) -> None:
     """Check that the scans of a device are looks, alone or with those of the other device."""
     name, array, exposure = bound.device.name, getattr(bound.options, "array", None), settings.exposure_s
     is_line = array is not None and array.grid == "lines"
     if is_line and settings.second_device is None:
         text = "gives lines, which do not overlap with those of an earlier time; array.grid must be 'image', or "
-        raise ConfigError(f"{key}.device = {name!r}: {text}nav.scan_drift.second_device a line scanner that looks back")
+        raise ConfigError(f"{table}.{key} = {name!r}: {text}second_device a line scanner that looks back")
     if not is_line and settings.second_device is not None:
-        text = (
-            f"{name} gives no lines; only two line scanners (array.grid = 'lines') see the ground one after the other"
-        )
-        raise ConfigError(f"{key}.second_device = {settings.second_device!r}: {text}")
+        text = "gives no lines; only two line scanners (array.grid = 'lines') see the ground one after the other"
+        raise ConfigError(f"{table}.{key} = {name!r}: {text}")
     if array is None and not 0.0 < exposure <= MAX_TURN_S:
         text = f"a scan of {bound.device.driver} is a part of a turn; must be the duration of a look, for example 0.1"
-        raise ConfigError(f"{key}.exposure_s = {exposure:g}: {text}, at most {MAX_TURN_S:g}")
-    if is_line and exposure == 0.0:
-        raise ConfigError(
-            f"{key}.exposure_s = 0: a scan of {name} is a line; must be the duration of a strip, up to 1.5"
-        )
+        raise ConfigError(f"{table}.exposure_s = {exposure:g}: {text}, at most {MAX_TURN_S:g}")
+    if is_line and exposure < MIN_STRIP_S:
+        text = f"a scan of {name} is a line; must be the duration of a strip, {MIN_STRIP_S:g} to 1.5"
+        raise ConfigError(f"{table}.exposure_s = {exposure:g}: {text}")
     if array is not None and not is_line and exposure > 0.0:
-        raise ConfigError(f"{key}.exposure_s = {exposure:g}: a scan is a whole image; must be 0")
+        raise ConfigError(f"{table}.exposure_s = {exposure:g}: a scan is a whole image; must be 0")
 
 
-def _check_front(key: str, front: Device, rear: Device) -> None:
-    """Check that the front scanner looks further ahead, by the direction to the middle of its lines."""
-    axes = [mat_nb(*(math.radians(angle) for angle in device.rpy_bs_deg)) for device in (front, rear)]
-    ahead = [mat[0][2] / max(mat[2][2], MIN_DISTANCE_AHEAD) for mat in axes]
+def _check_front(table: str, front: Device, rear: Device) -> None:
+    """Check that both scanners look down, and the front one further ahead, by the middle of their lines."""
+    ahead = []
+    for key, device in (("device", front), ("second_device", rear)):
+        (forward, _, down) = (row[2] for row in mat_nb(*(math.radians(angle) for angle in device.rpy_bs_deg)))
+        if down < MIN_DOWN:
+            text = "the middle of its lines is not below the aircraft; check rpy_bs_deg, at most 60 deg from down"
+            raise ConfigError(f"{table}.{key} = {device.name!r}: {text}")
+        ahead.append(forward / down)
     if ahead[0] - ahead[1] < MIN_DISTANCE_AHEAD:
-        text = f"{front.name} does not look further ahead than {rear.name}; the pitch of its rpy_bs_deg must be larger"
-        raise ConfigError(f"{key}.device = {front.name!r}: {text}")
+        text = f"its lines are no further ahead than those of {rear.name}; check rpy_bs_deg of both"
+        raise ConfigError(f"{table}.device = {front.name!r}: {text}")
 
 
 def check_alert_limits(config: Config) -> None:

@@ -696,7 +696,7 @@ class ScanDriftTable(StrictModel):
     second_device: Annotated[
         Name | None,
         key(
-            "rear one of two line scanners, which sees the same ground later; none: device sees it twice",
+            "rear one of two line scanners, which sees the same ground later; none: the device sees it twice",
             NO_UNIT,
             "rear",
         ),

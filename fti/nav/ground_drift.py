@@ -45,6 +45,7 @@ from fti.nav.filter.look_mark import (
     CLOCK_DRIFT,
     MAX_GAP_NS,
     SCAN_DRIFT,
+    SECOND_CLOCK,
     SECOND_DRIFT,
     SECOND_MOUNTING,
     SHARE,
@@ -54,7 +55,6 @@ from fti.nav.filter.look_mark import (
 )
 from fti.nav.inertial_aiding import LOOKS
 from fti.nav.look_collection import (
-    MIN_INTERVAL_NS,
     CollectedLook,
     LookCollector,
     as_image,
@@ -83,6 +83,7 @@ LIMITS_OF_ERRORS = {
     CLOCK: (CLOCK_DRIFT, MAX_CLOCK),
     YAW: (YAW_DRIFT, MAX_YAW),
     **dict.fromkeys(SECOND_MOUNTING, (SECOND_DRIFT, 2.5 * SECOND_DRIFT.sd)),
+    SECOND_CLOCK: (CLOCK_DRIFT, MAX_CLOCK),
 }
 #: An error beyond its limit must be known to be one: share of the pairs in its information, and sigmas.
 MIN_SHARE_OF_PAIRS, MIN_SIGMAS = 0.25, 4.0
@@ -231,7 +232,7 @@ class GroundDriftAiding:
         output = GroundDrift(t_ns=t_ns, t_valid_ns=look_ns, valid=False, reasons=(), points=len(looks[-1].ranges))
         if estimate is None or path is None:
             self._restart()
-            self._looks.wait(MIN_INTERVAL_NS)
+            self._looks.wait(None)
             return replace(output, reasons=(Reason.NO_POSITION,))
         images = [
             thin(as_image(look, path, lever_arm_b, self._settings.range_sd_m), estimate)

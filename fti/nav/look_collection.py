@@ -86,6 +86,7 @@ class LookCollector:
         self.next_ns = 0
         self._begin_ns = 0  # of the last look
         self._end_ns = 0
+        self._newest_ns = dict.fromkeys(self._to_body, 0)  # of each device
         self._scans: dict[str, list[CollectedLook]] | None = None  # by device; None: complete
 
     @property
@@ -95,6 +96,7 @@ class LookCollector:
 
     def feed(self, device: str, scan: RangeScan, t_ns: int) -> None:
         """Take a scan whose first point was measured at t_ns; one that belongs to no look is left out."""
+        self._newest_ns[device] = t_ns
         if t_ns >= self.next_ns:
             self._begin_ns, self._end_ns = t_ns, t_ns + self._exposure_ns
             self._scans = {name: [] for name in self._to_body}
@@ -106,11 +108,16 @@ class LookCollector:
         if not self._exposure_ns and len(points.times_ns):
             self._end_ns = max(int(points.times_ns.max()), t_ns)
 
-    def wait(self, interval_ns: int) -> None:
-        """The next look begins so long after the beginning of the last one; strips end before that."""
-        self.next_ns = self._begin_ns + interval_ns
+    def wait(self, interval_ns: int | None) -> None:
+        """The next look begins so long after the beginning of the last one, and its strips end before the one after it.
+
+        interval_ns : None if a look has no points: the next one begins soon, and has the whole exposure
+        """
+        self.next_ns = self._begin_ns + (MIN_INTERVAL_NS if interval_ns is None else interval_ns)
         if len(self._to_body) > 1:
-            self._exposure_ns = min(self._longest_ns, interval_ns - PAUSE_NS)
+            self._exposure_ns = (
+                self._longest_ns if interval_ns is None else min(self._longest_ns, interval_ns - PAUSE_NS)
+            )
 
     def take(self, t_ns: int, newest_ns: int | None) -> list[CollectedLook] | None:
         """The look that is complete at t_ns, once: one for each device, of the same time.
@@ -119,14 +126,21 @@ class LookCollector:
         """
         if self._scans is None or t_ns < self._end_ns + LATE_NS:
             return None
+        is_late = t_ns > self._end_ns + MAX_WAIT_NS
         if newest_ns is None or newest_ns <= self._end_ns:
-            if t_ns > self._end_ns + MAX_WAIT_NS:
+            if is_late:
                 self._scans, self.next_ns = None, t_ns
+            return None
+        if not (is_late or self._has_ended()):
             return None
         scans, self._scans = self._scans, None
         times = np.concatenate([scan.times_ns for each in scans.values() for scan in each])
         middle_ns = (int(times.min()) + int(times.max())) // 2 if len(times) else self._begin_ns
         return [_joined(each, middle_ns) for each in scans.values()]
+
+    def _has_ended(self) -> bool:
+        """Whether each of two devices has given a scan after the look."""
+        return len(self._to_body) == 1 or min(self._newest_ns.values()) > self._end_ns
 
 
 def _mat_bs(device: Device) -> Array:
@@ -211,13 +225,13 @@ def _occupied_share(points_l: Array, cell: float) -> float:
     return len(np.unique(cells[:, 0] * 2**31 + cells[:, 1])) / float(np.prod(cells.max(axis=0) + 1))
 
 
-def interval_ns(images: Sequence[RangeImage], middle: Estimate) -> int:
+def interval_ns(images: Sequence[RangeImage], middle: Estimate) -> int | None:
     """Time to the next look: half of the length of a look on the ground, or until the rear scanner sees it.
 
-    images : of the devices;  middle : the filter's estimate, at the time of the look
+    images : of the devices, None is returned if one has no points;  middle : the filter's, at the time of the look
     """
     if any(not len(image.ranges) for image in images):
-        return MIN_INTERVAL_NS
+        return None
     speed = float(np.linalg.norm(middle.vel_n[:2]))
     distance = _half_length(images[0], middle) if len(images) == 1 else _distance_ahead(images, middle)
     seconds = distance / speed if speed > 0.0 else 0.0

@@ -20,19 +20,22 @@ import numpy as np
 from fti.arrays import Array
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import LIMITS
-from fti.nav.filter.look_mark import CLOCK, SECOND_MOUNTING, SHARE, YAW, LookDrift
+from fti.nav.filter.look_mark import CLOCK, SECOND_CLOCK, SECOND_MOUNTING, SHARE, YAW, LookDrift
 
 #: Advantage over other kinds in the sum of squares: 3 sigma.
 MIN_ADVANTAGE = 9.0
 ROLL, PITCH = "roll", "pitch"
-TURNED, SECOND_TURNED = (f"rpy_bs_deg {each} {{:.1f}} deg too far {{}}" for each in ("turns it", "turns the rear one"))
+TURNED = "rpy_bs_deg turns it {:.1f} deg too far {}"
+SECOND_TURNED = (
+    "the rear one is turned {:.1f} deg too far {} by rpy_bs_deg, against the front one, or their times differ"
+)
 TO_THE_SIDE, FRONT, SIDE = (
     ("to the right", "to the left"),
     ("front up", "front down"),
     ("right side down", "left side down"),
 )
 #: A larger error of a kind is not conceivable: the pairs have another cause.
-LARGEST = {CLOCK: 0.5, SHARE: 0.1}
+LARGEST = {CLOCK: 0.5, SECOND_CLOCK: 0.5, SHARE: 0.1}
 LARGEST_ANGLE = math.radians(20.0)
 #: Text of each kind, its factor to the unit of the text, and the words for a positive and a negative value.
 TEXTS = {
@@ -44,8 +47,11 @@ TEXTS = {
 }
 #: Of the rear one of two scanners.
 SECOND_TEXTS = {
-    name: (SECOND_TURNED, math.degrees(1.0), words)
-    for name, words in zip(SECOND_MOUNTING, (SIDE, FRONT, TO_THE_SIDE), strict=True)
+    **{
+        name: (SECOND_TURNED, math.degrees(1.0), words)
+        for name, words in zip(SECOND_MOUNTING, (SIDE, FRONT, TO_THE_SIDE), strict=True)
+    },
+    SECOND_CLOCK: ("the rear one is stamped {:.0f} ms too {} against the front one, or turned", 1e3, ("late", "early")),
 }
 
 

@@ -158,7 +158,8 @@ class LookPairs:
         centre_e, axes_e = frame.origin_e + frame.mat_le.T @ drift.centre_l, drift.axes_l @ frame.mat_le
         cov = drift.cov + self._more_cov(drift.axes_l, axes_e, pair.distance, centre_e, (earlier, later))
         drift = replace(drift, cov=cov)
-        measured = axes_e, drift.drift, drift.cov, drift.roughness, pair.motion_at(centre_e)
+        motions = pair.motion_at(centre_e), later.motion_at(centre_e)
+        measured = axes_e, drift.drift, drift.cov, drift.roughness, *motions
         return drift, LookDrift(earlier.mark, later.mark, centre_e, *measured)
 
     def _more_cov(

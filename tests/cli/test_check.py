@@ -831,17 +831,22 @@ def test_two_line_scanners_are_listed(capsys: pytest.CaptureFixture[str]) -> Non
 @pytest.mark.parametrize(
     ("before", "after", "error"),
     [
-        ('second_device = "rear"', "", "nav.scan_drift.second_device a line scanner that looks back"),
+        ('second_device = "rear"', "", "or second_device a line scanner that looks back"),
         ('second_device = "rear"', 'second_device = "raer"', "nav.scan_drift.second_device: "),
         ('second_device = "rear"', 'second_device = "front"', "is the device; must be the rear line scanner"),
-        ('second_device = "rear"', 'second_device = "receiver"', "ublox_ubx gives no scans"),
+        (
+            'second_device = "rear"',
+            'second_device = "receiver"',
+            "second_device = 'receiver': ublox_ubx gives no scans",
+        ),
         ("exposure_s = 1.5", "", "exposure_s = 0: a scan of front is a line; must be the duration of a strip"),
         ("exposure_s = 1.5", "exposure_s = 2", "nav.scan_drift.exposure_s = 2"),
-        ("[0.0, -15.0, 0.0]", "[0.0, 15.0, 0.0]", "front does not look further ahead than rear"),
+        ("[0.0, 15.0, 0.0]", "[0.0, 165.0, 0.0]", "'front': the middle of its lines is not below the aircraft"),
+        ("[0.0, -15.0, 0.0]", "[0.0, 15.0, 0.0]", "'front': its lines are no further ahead than those of rear"),
         (
             'grid = "lines"\nrows = 1\ncolumns = 200\nfield_of_view_deg = [0, 60]',
             "rows = 10\ncolumns = 20\nfield_of_view_deg = [60, 60]",
-            "front gives no lines; only two",
+            "device = 'front': gives no lines; only two",
         ),
     ],
 )

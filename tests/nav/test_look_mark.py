@@ -72,8 +72,8 @@ class Geometry:
         axes = np.eye(3) if axes is None else axes
         drift = axes @ (self.seen(1) - self.seen(0))
         centre = 0.5 * (self.seen(0) + self.seen(1))
-        motion_e = np.array([3.0, -20.0, 7.0])
-        return LookDrift(self.marks[0], self.marks[1], centre, axes, drift, 0.01 * np.eye(len(axes)), 2.4, motion_e)
+        motions = np.array([3.0, -20.0, 7.0]), np.array([170.0, -4.0, 9.0])
+        return LookDrift(self.marks[0], self.marks[1], centre, axes, drift, 0.01 * np.eye(len(axes)), 2.4, *motions)
 
     def truth(self) -> Estimate:
         """A filter without errors at the second look, whose first look is marked."""
@@ -108,7 +108,7 @@ def test_the_rows_are_the_derivatives() -> None:
     used = np.flatnonzero(np.abs(H).sum(axis=0))
     look = MODEL.columns["look0.position_x"]
     assert set(used) == {*range(3), *range(TURN, ACCEL), *range(look, look + STATES),
-                         *(MODEL.columns[name] for name in (SHARE, COVER, YAW, CLOCK, *SECOND_MOUNTING))}  # fmt: skip
+                         *(MODEL.columns[name] for name in SENSOR_ERRORS)}  # fmt: skip
 
 
 def test_a_mark_copies_position_and_attitude_with_their_covariance() -> None:
@@ -211,7 +211,7 @@ def test_a_reset_forgets_the_errors_of_the_sensor_only() -> None:
     y[EXTRAS + np.array(columns) - MODEL.base] = 1e-3
     P = np.cov(np.random.default_rng(4).standard_normal((MODEL.size, 200)))
     reset = SensorReset().copy_states(Estimate(0, y, P, truth.imu, MODEL))
-    assert [reset.drift(name) for name in SENSOR_ERRORS] == [0.0] * 7
+    assert [reset.drift(name) for name in SENSOR_ERRORS] == [0.0] * 8
     assert [reset.drift_sd(name) for name in (YAW, CLOCK)] == pytest.approx([np.radians(0.2), 0.010])
     others = np.delete(np.arange(MODEL.size), columns)
     assert (reset.P[np.ix_(others, others)] == P[np.ix_(others, others)]).all()

@@ -52,8 +52,8 @@ WHEN_OVER_TERRAIN = (
     f"{WHEN_ALTIMETER}, [nav.terrain] is configured, and the range is wrong by more than {DEVIATION_M:g} m"
 )
 WHEN_LOOKS_TURN = (
-    f"DEVICE gives the looks of [nav.scan_drift], and the aircraft has turned while satellites are received; within "
-    f"{ANNOUNCED_S:g} s of the end of the first turn"
+    f"DEVICE gives the looks of [nav.scan_drift], for a latency alone, and the aircraft has turned while it receives "
+    f"satellites; within {ANNOUNCED_S:g} s of the end of the first turn"
 )
 WHEN_OVER_OBSTACLE = (
     f"the aircraft flies over it, it is {OBSTACLE_M:g} m high or more, and [nav.approach] is configured"

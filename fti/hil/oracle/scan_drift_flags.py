@@ -18,20 +18,29 @@ TURN_RAD, ANNOUNCED_S = np.radians(8.0), 60.0
 #: The filter is aligned and has looks after this time [s].
 READY_S = 30.0
 #: Errors that are certainly flagged: twice the mounting that was surveyed with 0.2 deg, at 2.5 sigma; more
-#: than twice the 20 ms that are flagged, because the estimate is low.
+#: than twice the 20 ms that are flagged, because the estimate is low.  Of two scanners each angle between them counts.
 MIN_YAW_DEG, MIN_LATE_S = 1.0, 0.045
+SMALL = "the drift over the ground shows only a large error, in a turn"
+ONE_OF_TWO = "the time of two scanners is known only after several turns"
 
 
 def scan_fault_flags(fault: Mounting | Latency, case: FaultCase) -> RuleResult:
     """The contradiction of a device that gives the looks, within a minute of the end of its first turn."""
-    is_large = abs(fault.yaw_deg) >= MIN_YAW_DEG if isinstance(fault, Mounting) else fault.by_s >= MIN_LATE_S
+    if case.name not in case.craft.scan_drift:
+        return [], INDISTINGUISHABLE
+    is_pair = len(case.craft.scan_drift) > 1
+    if isinstance(fault, Mounting):
+        angles = (fault.roll_deg, fault.pitch_deg, fault.yaw_deg) if is_pair else (fault.yaw_deg,)
+        is_large = max(map(abs, angles)) >= MIN_YAW_DEG
+    elif is_pair:
+        return [], ONE_OF_TWO
+    else:
+        is_large = fault.by_s >= MIN_LATE_S
     truth = case.truth
     in_fault = (truth.t >= max(case.from_s, READY_S)) & (truth.t < case.until_s)
     turning = in_fault & (np.abs(truth.roll) > TURN_RAD)
     after_turn = truth.span(in_fault & ~turning & np.logical_or.accumulate(turning))
-    if case.craft.scan_drift != (case.name,):  # of two scanners each estimates the mounting of the other one
-        return [], INDISTINGUISHABLE
     if not is_large or after_turn is None:
-        return [], "the drift over the ground shows only a large error, in a turn"
+        return [], SMALL
     words = (str(Reason.CONTRADICTION),)
     return [ExpectedFlag(GROUND_DRIFT, words, after_turn[0], case.until_s, ANNOUNCED_S, truth.end_s)], ""

@@ -22,8 +22,12 @@ a point moves with the aircraft, as if it were fixed to it.
 In straight flight, and in a turn at constant roll, both looks move alike and the time cancels; a roll shows it.
 
 The second look of a pair of scanners is that of another device.  Its mounting against the first one is three more
-states, small angles m about the body axes: ds += (C_2 m) x r_2.  About the axis y it shifts a pair by the height times
-the angle, like a wrong velocity; with satellites it is seen straight on.
+states, small angles m about the body axes, and the time by which it is stamped later than the first one is another:
+
+    ds += (C_2 m) x r_2 + later (v_2 + omega_2 x r_2)
+
+About the axis y the mounting shifts a pair by the height times the angle, the time by the speed: like a wrong velocity.
+With satellites both are seen straight on, at one height and speed only their sum.
 
 Only a drift is measured: a turn of everything about the vertical changes nothing, and no number of looks may determine
 the heading.  Turned by psi, a position errs by psi x x and a velocity by psi x v.  So that the covariance remains one
@@ -67,7 +71,8 @@ MAX_GAP_NS = 15_000_000_000
 SHARE, COVER, YAW, CLOCK = "scan_share", "scan_cover", "scan_yaw", "scan_clock"
 #: Mounting of the second scanner of a pair against the first one, about the body axes [rad].
 SECOND_MOUNTING = "scan_second_roll", "scan_second_pitch", "scan_second_yaw"
-SENSOR_ERRORS = (SHARE, COVER, YAW, CLOCK, *SECOND_MOUNTING)
+SECOND_CLOCK = "scan_second_clock"
+SENSOR_ERRORS = (SHARE, COVER, YAW, CLOCK, *SECOND_MOUNTING, SECOND_CLOCK)
 #: Air delays light by 2.8e-4 of the way at sea level; a range that is not corrected is so much too long.
 SHARE_DRIFT = Drift(3e-4)
 #: 0.017 m in a pair of 170 m from 300 m above ground with a roughness of 2.5 m, 0.009 m from one such ground to the
@@ -85,8 +90,8 @@ def look_drifts(looks: int, *, has_second_scanner: bool = False) -> dict[str, Dr
     """States of so many looks, and of the errors of the sensor, or of both scanners of a pair."""
     names = [name for slot in range(looks) for name in _names(slot)]
     of_sensor = {SHARE: SHARE_DRIFT, COVER: COVER_DRIFT, YAW: YAW_DRIFT, CLOCK: CLOCK_DRIFT}
-    of_second = dict.fromkeys(SECOND_MOUNTING if has_second_scanner else (), SECOND_DRIFT)
-    return {**dict.fromkeys(names, MARK_DRIFT), **of_sensor, **of_second}
+    of_second = {**dict.fromkeys(SECOND_MOUNTING, SECOND_DRIFT), SECOND_CLOCK: CLOCK_DRIFT}
+    return {**dict.fromkeys(names, MARK_DRIFT), **of_sensor, **(of_second if has_second_scanner else {})}
 
 
 def carry_turns(before: Array, after: Estimate) -> None:
@@ -182,7 +187,7 @@ class LookDrift(LastingErrors):
     cov      : ndarray, shape (m, m) [m^2]
     roughness : of the ground [m], ``ScanDrift``
     motion_e : ndarray, shape (3,) [m/s]  velocity of the middle of the ground, were it fixed to the aircraft, at the
-        second look minus that at the first
+        second look minus that at the first;  second_motion_e : that at the second look
     is_on_trial : whether it has not agreed with satellites yet
     """
 
@@ -194,6 +199,7 @@ class LookDrift(LastingErrors):
     cov: Array
     roughness: float = 0.0
     motion_e: Array = field(default_factory=lambda: np.zeros(3))
+    second_motion_e: Array = field(default_factory=lambda: np.zeros(3))
     is_on_trial: bool = False
     name: str = SCAN_DRIFT
     bounds = NO_AXES  # with a drift only, the position still drifts slowly
@@ -208,7 +214,7 @@ class LookDrift(LastingErrors):
         """Whether all values are finite, and the covariance is positive."""
         if not (self.first.is_conceivable and self.second.is_conceivable and len(self.drift)):
             return False
-        values = self.centre_e, self.axes_e, self.drift, self.cov, self.motion_e
+        values = self.centre_e, self.axes_e, self.drift, self.cov, self.motion_e, self.second_motion_e
         finite = all(np.isfinite(value).all() for value in values)
         return finite and float(np.linalg.eigvalsh(self.cov)[0]) > 0.0
 
@@ -253,6 +259,7 @@ class LookDrift(LastingErrors):
             YAW: aside,
             CLOCK: self.motion_e,
             **dict(zip(SECOND_MOUNTING, turned, strict=True)),
+            SECOND_CLOCK: self.second_motion_e,
         }
 
     def _vectors(self, estimate: Estimate) -> tuple[Array, Array]:

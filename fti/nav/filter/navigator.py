@@ -2,7 +2,7 @@
 
     navigator = InertialNavigator(FilterModel(unit=IMU_ERROR_MODELS["tactical"], extras=GNSS_DRIFTS))
     navigator.feed_inertial(t_valid_ns, accel_b, gyro_b)          every inertial sample, in order
-    navigator.feed_aiding(t_valid_ns, GnssPosition(...))          aiding measurements, in any order, up to 1 s late
+    navigator.feed_aiding(t_valid_ns, GnssPosition(...))          in any order, up to horizon_ns late
     navigator.feed_attitude(t_valid_ns, roll, pitch, heading)     a device's attitude, for the alignment
     navigator.output(t_ns)                                        FilterSolution at t_ns
     navigator.at(t_ns)                                            Estimate with covariance, or None
@@ -164,7 +164,7 @@ class InertialNavigator:
         return self._timeline is not None and not self._unconfirmed
 
     def drain_segments(self) -> list[FilterSegment]:
-        """Segments that became final since the last call, a second late; see ``fti.nav.filter.segment``."""
+        """Segments that became final since the last call, by the horizon late; see ``fti.nav.filter.segment``."""
         return self._timeline.drain_segments() if self._timeline is not None else []
 
     def find_last_final(self) -> Estimate | None:

@@ -1,7 +1,7 @@
 """The final past of the filter, in segments of 0.2 s: inertial samples and measurements in their final order.
 
-Copies of the filter (``fti.nav.separation``) follow it through the segments, a second late.  A segment is cut at the
-times of its measurements, once for all copies.
+Copies of the filter (``fti.nav.separation``) follow it through the segments, late by the horizon.  A segment is cut at
+the times of its measurements, once for all copies.
 """
 
 from __future__ import annotations

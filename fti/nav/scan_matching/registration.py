@@ -46,6 +46,8 @@ PATCH_STEPS = 8
 MIN_PATCHES, MIN_RESIDUALS = 12, 400
 #: Information of a direction over its standard deviation; the largest sigma of a reported direction [m].
 MIN_CERTAINTY, MAX_SD_M = 4.0, 1.0
+#: One sigma of a tilt before it is estimated [rad]: of a roll of the filter, and of two mountings.
+TILT_SD = 0.005
 #: Iterations, and the change that ends them [m].
 MAX_ITERATIONS, RESOLUTION_M = 12, 0.002
 #: Robust sigma over the median of the absolute values of normal numbers; its first value and its smallest one.
@@ -245,8 +247,9 @@ def _refine(pair: _Pair, shift: Array) -> tuple[_Sums, Array, Array]:
         scale = max(MEDIAN_TO_SD * float(np.median(found)), MIN_SCALE)
         axes = _measurable_axes(sums)
         basis = _parameters(axes, len(shift))
-        information = basis @ sums.information.sum(axis=0) @ basis.T
-        change = basis.T @ np.linalg.solve(information, basis @ sums.scores.sum(axis=0))
+        known = _known(len(shift))
+        information = basis @ (sums.information.sum(axis=0) + known) @ basis.T
+        change = basis.T @ np.linalg.solve(information, basis @ (sums.scores.sum(axis=0) - known @ shift))
         shift = shift + change
         if float(np.abs(change[:3]).max()) < RESOLUTION_M:
             return sums, axes, shift
@@ -255,20 +258,29 @@ def _refine(pair: _Pair, shift: Array) -> tuple[_Sums, Array, Array]:
 
 def _measurable_axes(sums: _Sums) -> Array:
     """Horizontal directions that the ground determines, strongest first, and the vertical: shape (1 to 3, 3)."""
-    of_patches = sums.information[sums.used][:, :3, :3]
-    total = of_patches.sum(axis=0)
-    values, vectors = np.linalg.eigh(_without_height(total))
-    others = np.einsum("pij,ik,jk->pk", _without_height(total - of_patches), vectors, vectors)
+    of_patches = sums.information[sums.used]
+    total = of_patches.sum(axis=0) + _known(of_patches.shape[-1])
+    values, vectors = np.linalg.eigh(_level_information(total))
+    others = np.einsum("pij,ik,jk->pk", _level_information(total - of_patches), vectors, vectors)
     certainty = values / np.sqrt((len(others) - 1.0) * others.var(axis=0))
     axes = [[*vectors[:, k], 0.0] for k in (1, 0) if certainty[k] > MIN_CERTAINTY]
     return np.array([*axes, [0.0, 0.0, 1.0]], dtype=np.float64)
 
 
-def _without_height(information: Array) -> Array:
-    """Information of the horizontal, for an unknown height, shape (..., 2, 2)."""
-    mixed = information[..., :2, HEIGHT]
-    product = mixed[..., :, None] * mixed[..., None, :] / information[..., HEIGHT, HEIGHT][..., None, None]
-    return np.asarray(information[..., :2, :2] - product)
+def _level_information(information: Array) -> Array:
+    """Information of the horizontal, for an unknown height, and tilt if there is one, shape (..., 2, 2)."""
+    unknown = [HEIGHT, *range(6, information.shape[-1])]
+    mixed = information[..., :2, unknown]
+    of_unknown = information[..., unknown, :][..., unknown]
+    return np.asarray(information[..., :2, :2] - mixed @ np.linalg.solve(of_unknown, np.swapaxes(mixed, -1, -2)))
+
+
+def _known(size: int) -> Array:
+    """Information on the parameters before they are estimated: on the tilt."""
+    result = np.zeros((size, size))
+    if size % 3:
+        result[-1, -1] = 1.0 / TILT_SD**2
+    return result
 
 
 def _parameters(axes: Array, size: int) -> Array:
@@ -289,7 +301,7 @@ def _result(pair: _Pair, sums: _Sums, axes: Array, shift: Array, expected_sd: fl
     seen = np.isfinite(sums.residuals)
     centre = np.concatenate((pair.looks[1].points_l, pair.looks[0].points_l))[seen].mean(axis=0)
     at_centre = _at_centre(pair, axes, len(shift), centre)
-    cov = at_centre @ _jackknife(sums, basis) @ at_centre.T + _held_error(sums, axes, expected_sd)
+    cov = at_centre @ _jackknife(sums, basis) @ at_centre.T + _held_error(sums, axes, at_centre, expected_sd)
     drift = at_centre @ basis @ shift
     sd = np.sqrt(np.diag(cov))
     if (np.abs(drift[:-1]) > MAX_SIGMAS * np.hypot(expected_sd, sd[:-1])).any():
@@ -322,13 +334,15 @@ def _jackknife(sums: _Sums, basis: Array) -> Array:
     """Covariance of the parameters."""
     scores = sums.scores[sums.used] @ basis.T
     curvature = basis @ sums.curvature[sums.used] @ basis.T
-    changes = np.linalg.solve(curvature.sum(axis=0) - curvature, scores[..., None])[..., 0]
+    total = curvature.sum(axis=0) + basis @ _known(basis.shape[1]) @ basis.T
+    changes = np.linalg.solve(total - curvature, scores[..., None])[..., 0]
     return np.asarray(changes.T @ changes * (len(changes) - 1.0) / len(changes), dtype=np.float64)
 
 
-def _held_error(sums: _Sums, axes: Array, expected_sd: float) -> Array:
+def _held_error(sums: _Sums, axes: Array, at_centre: Array, expected_sd: float) -> Array:
     """Covariance of the measured directions from the drift in the others, which are held."""
-    information = sums.information.sum(axis=0)[:3, :3]
-    held = np.eye(3) - axes.T @ axes
-    effect = np.linalg.solve(axes @ information @ axes.T, axes @ information @ held)
+    size = sums.information.shape[-1]
+    information, basis = sums.information.sum(axis=0) + _known(size), _parameters(axes, size)
+    held = np.eye(size, 3) @ (np.eye(3) - axes.T @ axes)
+    effect = at_centre @ np.linalg.solve(basis @ information @ basis.T, basis @ information @ held)
     return np.asarray(expected_sd**2 * effect @ effect.T)

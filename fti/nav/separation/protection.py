@@ -3,8 +3,8 @@
     HPL = max( 4.80 sigma_0, max over all copies of (|d| + 3.72 sigma_i) ) + tolerance        radial
     VPL = max( 4.42 sigma_0, max over all copies of (|d| + 3.09 sigma_i) ) + tolerance        one axis
 
-The radial sigma is the largest in any direction.  The copies are a second behind the filter, so the uncertainty of
-their velocity over that time is added.  tolerance : possible error of a readmitted source (``readmission``).
+The radial sigma is the largest in any direction.  The copies are behind the filter by its horizon, so the uncertainty
+of their velocity over that time is added.  tolerance : possible error of a readmitted source (``readmission``).
 The levels hold for faults that began within the age of the oldest copy.
 
 Source: the quantiles of the normal distribution for 1e-5 (4.42 one axis, 4.80 radial) and 1e-3 (3.09, 3.72 radial).
