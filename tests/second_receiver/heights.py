@@ -132,7 +132,7 @@ def _make_site(kind: str, seeds: tuple[int, ...]) -> _Site:
     rng = np.random.default_rng(seeds)
     surface = make_surface(kind, rng)
     model = survey(surface, float(rng.choice(POSTS_M)), rng)
-    return _Site(surface, model, tuple(rng.integers(2**63) for _ in range(FLIGHTS)))
+    return _Site(surface, model, tuple(int(rng.integers(2**63)) for _ in range(FLIGHTS)))
 
 
 def run_sites(case: Case, sites: int, seed: int = 1) -> list[Samples]:

@@ -277,4 +277,4 @@ def smallest_ramp(grade: str, onset_m_s2: float, with_velocity: bool) -> float:
     def is_in_table(rate: float) -> bool:
         return is_detectable(Cell(grade, SensorFault.RAMP, rate, onset_m_s2, with_velocity))
 
-    return [*rates, math.inf][bisect.bisect_left(rates, True, key=is_in_table)]
+    return float([*rates, math.inf][bisect.bisect_left(rates, True, key=is_in_table)])
