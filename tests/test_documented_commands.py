@@ -13,7 +13,6 @@ import re
 import shlex
 import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -166,8 +165,6 @@ AGAIN = [
 #: The sensors of the scenario are silent until 35 s; its flags must then end.
 SILENT_UNTIL_S = 42.0
 PREFLIGHT = "fti preflight configs/demo.toml"
-#: Between questions, each of which is a process [s]: one after another they would keep a core busy.
-ASK_PERIOD_S = 1.0
 #: Commands that run until Ctrl-C, beside others.
 BACKGROUND = [
     "fti hil nominal --links /tmp/links",
@@ -237,14 +234,8 @@ class UserFolder:
             check=False,
         )
 
-    def is_go(self, what: str) -> bool:
-        """Whether preflight says so, after a pause."""
-        time.sleep(ASK_PERIOD_S)
-        return f"GO     {what}" in self.output(PREFLIGHT).stdout
-
     def has_flown(self, seconds: float) -> bool:
-        """Whether the flight is later than that, or the next one has begun; after a pause."""
-        time.sleep(ASK_PERIOD_S)
+        """Whether the flight is later than that, or the next one has begun."""
         state = json.loads(self.output("fti watch --once --json").stdout)["hil"]
         self._most_flown_s = max(self._most_flown_s, state["flight_s"] or 0.0)
         return self._most_flown_s > seconds
@@ -317,8 +308,8 @@ def test_the_laboratory_and_its_recording_again(user: UserFolder) -> None:
             user.run(each)
         with user.background(run, "--out lab", "display at"):
             # navigation decodes the answers of the power unit
-            until(lambda: user.is_go("link pdu_line"), START_S, "the power unit")
-            until(lambda: user.is_go("navigation"), START_S, "navigation")
+            until(lambda: "GO     link pdu_line" in user.output(PREFLIGHT).stdout, START_S, "the power unit")
+            until(lambda: "GO     navigation" in user.output(PREFLIGHT).stdout, START_S, "navigation")
             for each in WITH_BREAKERS:
                 user.run(each)
     user.words["SESSION"] = user.session("lab")
@@ -335,7 +326,7 @@ def test_the_laboratory_and_its_recording_again(user: UserFolder) -> None:
 def test_the_demonstration_live_and_its_session(user: UserFolder) -> None:
     options = "--headless --scenario configs/scenarios/silence.toml --out data"
     with user.background("fti demo", options, "flying"):
-        until(lambda: user.is_go("position"), START_S, "a position")
+        until(lambda: "GO     position" in user.output(PREFLIGHT).stdout, START_S, "a position")
         for each in LIVE:
             user.run(each)
         until(lambda: user.has_flown(SILENT_UNTIL_S), START_S, "the end of the fault")
