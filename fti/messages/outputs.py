@@ -348,6 +348,10 @@ class GroundDrift(Message, kw_only=True):
     range_share, range_share_sd : estimated error of the sensor as a share of its ranges, and its sigma
     yaw, yaw_sd : estimated error of its mounting about the vertical axis of the aircraft, and its sigma [rad]
     clock, clock_sd : estimated time by which its scans are stamped too late, and its sigma [s]
+    second_roll, second_pitch, second_yaw : estimated angles by which the mounting of the rear one of two scanners is
+        turned too far against the front one, about the forward, right and downward axis of the aircraft [rad]
+    second_clock : estimated time by which the rear one is stamped later than the front one [s]
+    second_roll_sd, second_pitch_sd, second_yaw_sd, second_clock_sd : one sigma of each; None with one scanner
     """
 
     t_ns: Nanoseconds
@@ -372,6 +376,14 @@ class GroundDrift(Message, kw_only=True):
     yaw_sd: Radians | None = None
     clock: Seconds | None = None
     clock_sd: Seconds | None = None
+    second_roll: Radians | None = None
+    second_roll_sd: Radians | None = None
+    second_pitch: Radians | None = None
+    second_pitch_sd: Radians | None = None
+    second_yaw: Radians | None = None
+    second_yaw_sd: Radians | None = None
+    second_clock: Seconds | None = None
+    second_clock_sd: Seconds | None = None
 
 
 class SourceValidity(Message, kw_only=True):

@@ -112,6 +112,14 @@ REASON_OF = {
     Refusal.UNEXPECTED: Reason.UNEXPECTED_DRIFT,
     Refusal.MISFIT: Reason.LOOKS_MISFIT,
 }
+#: Fields of the output with errors of the sensor.
+ERRORS_OF_FIELDS = {
+    "range_share": SHARE,
+    "yaw": YAW,
+    "clock": CLOCK,
+    **dict(zip(("second_roll", "second_pitch", "second_yaw"), SECOND_MOUNTING, strict=True)),
+    "second_clock": SECOND_CLOCK,
+}
 NAME = "drift over the ground"
 
 
@@ -340,15 +348,10 @@ def excessive_error(estimate: Estimate) -> str:
 
 
 def _sensor_errors(estimate: Estimate) -> dict[str, float | None]:
-    """The errors of the sensor that the filter estimates."""
-    return {
-        "range_share": estimate.drift(SHARE),
-        "range_share_sd": estimate.drift_sd(SHARE),
-        "yaw": estimate.drift(YAW),
-        "yaw_sd": estimate.drift_sd(YAW),
-        "clock": estimate.drift(CLOCK),
-        "clock_sd": estimate.drift_sd(CLOCK),
-    }
+    """The errors of the sensor that the filter estimates, and their sigmas."""
+    known = {field: name for field, name in ERRORS_OF_FIELDS.items() if name in estimate.model.columns}
+    values: dict[str, float | None] = {field: estimate.drift(name) for field, name in known.items()}
+    return values | {f"{field}_sd": estimate.drift_sd(name) for field, name in known.items()}
 
 
 def complete_drift(output: GroundDrift, found: ScanDrift, estimate: Estimate) -> GroundDrift:

@@ -171,6 +171,10 @@ def test_a_mounting_within_the_survey_is_estimated_and_the_pair_is_used() -> Non
     height = ALT - GROUND_UP - ARM_B[2]
     true_minus_computed = np.cross(turn, [-height * math.tan(TILT), 0.0, height])
     assert shift == pytest.approx(-true_minus_computed[:2], abs=0.1)
+    last = found[-1]
+    assert last.second_roll is not None and last.second_roll_sd is not None
+    assert -last.second_roll == pytest.approx(turn[0], abs=4.0 * last.second_roll_sd)
+    assert last.second_pitch_sd is not None and last.second_clock_sd is not None
     solution = last_solution(out)
     assert solution.horizontal_sd is not None
     assert abs(north_error(solution)) < 3.0 * solution.horizontal_sd

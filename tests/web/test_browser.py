@@ -145,7 +145,8 @@ async def test_all_instruments_stand_on_one_screen(
         await page.screenshot(tmp_path / f"instruments_{width}.png")
 
 
-#: Sizes on the screen [px] of all texts that one can see, by the text, if they are below 14.
+#: Sizes on the screen [px] of all texts that one can see, by the text, if they are below 14.  The instruments follow a
+#: change of the window in a later frame, so it is waited for.
 SMALL_TEXTS = """[...document.querySelectorAll('body *')].filter((e) =>
     [...e.childNodes].some((n) => n.nodeType === Node.TEXT_NODE && n.data.trim()) && e.checkVisibility()
     || e.matches('input, select, button')).map((e) => {
@@ -179,12 +180,12 @@ async def test_no_text_is_smaller_than_14_pixels(page: Page, daemon: FakeDaemon,
     await page.wait_for(f"{by_testid('breaker-gnss')} && canvasTexts['approach 3']")
     for width, height in (*SIZES, (360, 640)):
         await page.resize(width, height)
-        assert await page.eval(SMALL_TEXTS) == []
+        await page.wait_for(f"!{SMALL_TEXTS}.length")
         await page.press("c")
-        assert await page.eval(SMALL_TEXTS) == []
+        await page.wait_for(f"!{SMALL_TEXTS}.length")
         await page.press("c")
     await page.press("?")
-    assert await page.eval(SMALL_TEXTS) == []
+    await page.wait_for(f"!{SMALL_TEXTS}.length")
     sizes = await page.eval("canvasTexts")
     assert {text for text in sizes if text[-1].isdigit() and ":" not in text}, "the axes of values"
     assert min(sizes.values()) >= 14
@@ -682,7 +683,7 @@ async def test_sinks_are_reported_with_their_failures_and_losses(
     for width, height in SIZES:
         await page.resize(width, height)
         assert await page.eval(CUT_OFF) == []
-        assert await page.eval(SMALL_TEXTS) == []
+        await page.wait_for(f"!{SMALL_TEXTS}.length")
         await page.screenshot(tmp_path / f"sinks_{width}.png")
     daemon.change_health = lambda health: None
     await page.wait_for("document.getElementById('sinks').hidden")
