@@ -124,6 +124,8 @@ class LookCollector:
 
         newest_ns : of the inertial samples, which must reach beyond it
         """
+        if self.next_ns > t_ns + MAX_INTERVAL_NS + MAX_WAIT_NS:  # a scan of a wrong time has begun the look
+            self._scans, self.next_ns = None, t_ns
         if self._scans is None or t_ns < self._end_ns + LATE_NS:
             return None
         is_late = t_ns > self._end_ns + MAX_WAIT_NS

@@ -367,6 +367,21 @@ def test_any_cut_of_scans_of_another_length_raises_nothing() -> None:
     assert last_solution(out).valid
 
 
+@pytest.mark.parametrize("ahead_s", [100.0, -9.9])
+def test_one_scan_of_another_time_ends_no_looks(ahead_s: float) -> None:
+    """100 s ahead or 10 s behind, as after a fault of the clock of a device: looks go on with the next scans."""
+
+    class Jumping:
+        def scans(self, k: int) -> Sequence[RangeScan]:
+            found = Imager().scans(k)
+            return [
+                replace(each, stamp=Stamp(T0 + round(ahead_s * S) + k * 10 * MS)) for each in found if k == 1000
+            ] or found
+
+    found = drifts(fly(Jumping(), end_s=25.0), 14.0)
+    assert sum(each.directions == 3 for each in found) > 5
+
+
 def test_a_calibration_needs_time_and_pairs_in_succession() -> None:
     calibration = Calibration()
     assert not any(calibration.agree(k * S) for k in range(20))  # enough pairs, too soon
