@@ -183,6 +183,42 @@ def test_a_drift_that_changes_within_the_look() -> None:
     assert np.abs(drift - [0.5, 0.2, -0.1]).max() < 0.05
 
 
+def tilted_pair(surface: Surface, seed: int, offset: Array, tilt: float) -> tuple[Look, Look]:
+    """Two images of lines that are measured one after the other; the second one rises by the tilt to the east [rad]."""
+    rng, looks = np.random.default_rng(seed), []
+    for t in (0.0, 1.0):
+        image = look_at(surface, 20.0 * t, 0.0, rng, 0.0)
+        times = t + (image.points_l[:, 1] - image.points_l[:, 1].mean()) / 170.0
+        rise = np.outer(t * tilt * image.points_l[:, 0], [0.0, 0.0, 1.0])
+        looks.append(Look(image.points_l + t * offset + rise, image.directions_l, times, RANGE_SD))
+    return looks[0], looks[1]
+
+
+def test_a_tilt_of_the_second_look_does_not_shift_it() -> None:
+    """4 mrad raise the edges by 0.7 m, and the hills on them slide."""
+    offset, east = np.array([0.5, 0.2, -0.1]), np.array([1.0, 0.0])
+    first, second = tilted_pair(hills, 12, offset, 4e-3)
+    found = register(first, second, 1.0, changing=True, tilt_axis=east)
+    drift, _ = in_level_axes(found)
+    assert np.abs(drift - offset - [0.0, 0.0, 4e-3 * found.centre_l[0]]).max() < 0.05
+    without, _ = in_level_axes(register(first, second, 1.0, changing=True))
+    assert np.abs(without - offset)[:2].max() > 0.08
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_across_a_valley_a_tilt_hides_the_shift(seed: int) -> None:
+    """A parabola that moves to the side is tilted: of waves to the north only the drift to the north is measured."""
+
+    def valley(east: Array, north: Array) -> Array:
+        return np.asarray(4.0 * np.sin(north / 11.0) + 5e-5 * east**2)
+
+    offset = np.array([0.3, -0.2, 0.1])
+    first, second = tilted_pair(valley, seed, offset, 0.0)
+    found = register(first, second, 1.0, changing=True, tilt_axis=np.array([1.0, 0.0]))
+    assert len(found.axes_l) == 2 and abs(found.axes_l[0, 1]) > 0.99
+    assert np.abs(found.drift - found.axes_l @ offset).max() < 0.05
+
+
 def test_planes_follow_a_plane_exactly() -> None:
     rng = np.random.default_rng(10)
     points = np.column_stack((rng.uniform(0.0, 100.0, (4000, 2)), np.zeros(4000)))
