@@ -793,6 +793,16 @@ def test_a_wrong_position_from_the_ground_is_one_sentence(
     assert error in capsys.readouterr().err
 
 
+def error_of_changed(name: str, before: str, after: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """What fti check says of a shipped configuration with the first of such texts replaced."""
+    text = (ROOT / "configs" / name).read_text()
+    assert before in text
+    wrong = folder / "wrong.toml"
+    wrong.write_text(text.replace(before, after, 1))
+    assert main(["check", str(wrong)]) == 2
+    return capsys.readouterr().err
+
+
 def test_the_drift_over_the_ground_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(ROOT / "configs" / "scan_drift.toml")]) == 0
     printed = capsys.readouterr().out
@@ -815,12 +825,7 @@ def test_the_drift_over_the_ground_is_listed(capsys: pytest.CaptureFixture[str])
 def test_a_wrong_drift_over_the_ground_is_one_sentence(
     before: str, after: str, error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = (ROOT / "configs" / "scan_drift.toml").read_text()
-    assert before in text
-    wrong = tmp_path / "wrong.toml"
-    wrong.write_text(text.replace(before, after))
-    assert main(["check", str(wrong)]) == 2
-    assert error in capsys.readouterr().err
+    assert error in error_of_changed("scan_drift.toml", before, after, tmp_path, capsys)
 
 
 def test_two_line_scanners_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -853,12 +858,7 @@ def test_two_line_scanners_are_listed(capsys: pytest.CaptureFixture[str]) -> Non
 def test_a_wrong_pair_of_line_scanners_is_one_sentence(
     before: str, after: str, error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = (ROOT / "configs" / "scan_drift_pair.toml").read_text()
-    assert before in text
-    wrong = tmp_path / "wrong.toml"
-    wrong.write_text(text.replace(before, after, 1))
-    assert main(["check", str(wrong)]) == 2
-    assert error in capsys.readouterr().err
+    assert error in error_of_changed("scan_drift_pair.toml", before, after, tmp_path, capsys)
 
 
 def test_a_scanner_that_turns_needs_the_duration_of_a_look(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
