@@ -27,6 +27,7 @@ from fti.config import Device, ScanDriftTable
 from fti.constants import SECOND_NS
 from fti.geodesy.formulas import mat_nb
 from fti.messages.measurements import RangeScan
+from fti.nav.filter.aiding import small_turn
 from fti.nav.filter.estimate import Estimate
 from fti.nav.look_pairs import RangeImage
 from fti.nav.scan_matching.registration import point_distance
@@ -193,9 +194,7 @@ def mean_rate(estimates: Sequence[Estimate]) -> Array | None:
     first, last = estimates[0], estimates[-1]
     if last.t_ns - first.t_ns <= MAX_SCAN_NS:
         return None
-    turn = last.mat_eb @ first.mat_eb.T
-    axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    return np.asarray(axis * SECOND_NS / (last.t_ns - first.t_ns))
+    return np.asarray(small_turn(last.mat_eb @ first.mat_eb.T) * SECOND_NS / (last.t_ns - first.t_ns))
 
 
 def thin(image: RangeImage, middle: Estimate) -> RangeImage:

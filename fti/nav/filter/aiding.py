@@ -265,6 +265,11 @@ def skew(v: Array | Vector) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def small_turn(turn: Array) -> Array:
+    """Rotation vector of the matrix of a small turn, shape (3,) [rad]: the inverse of I + skew, to second order."""
+    return 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+
+
 def _altitude(estimate: Estimate, alt: float, sd: float, extra: str) -> Matrices:
     H = np.zeros((1, estimate.model.size))
     H[0, POS : POS + 3] = estimate.mat_en @ _UP_N

@@ -51,7 +51,7 @@ import numpy as np
 
 from fti.arrays import Array
 from fti.kernel import kernel
-from fti.nav.filter.aiding import NO_AXES, LastingErrors, enter_drift, skew
+from fti.nav.filter.aiding import NO_AXES, LastingErrors, enter_drift, skew, small_turn
 from fti.nav.filter.antenna import Matrices
 from fti.nav.filter.error_states import LOOK, Drift
 from fti.nav.filter.estimate import Estimate
@@ -158,9 +158,7 @@ class LookMark(StateCopy):
 
     def error_of(self, estimate: Estimate) -> Array:
         """Displacement [m] and turn [rad] from the pose to an estimate, e, shape (6,)."""
-        turn = estimate.mat_eb @ self.mat_eb.T
-        axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-        return np.concatenate((estimate.y[:VEL] - self.x_e, axis))
+        return np.concatenate((estimate.y[:VEL] - self.x_e, small_turn(estimate.mat_eb @ self.mat_eb.T)))
 
 
 @dataclass(frozen=True, slots=True)

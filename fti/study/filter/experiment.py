@@ -10,6 +10,7 @@ from fti.arrays import Array
 from fti.constants import SECOND_NS
 from fti.geodesy.quaternions import mat_from_quat
 from fti.hil.sensors.free_inertial import true_motion
+from fti.nav.filter.aiding import small_turn
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.kernels import ACCEL_BIAS, EXTRAS, QUAT
 from fti.nav.filter.navigator import InertialNavigator
@@ -112,8 +113,7 @@ def errors(here: Estimate, truth: Motion, k: int, flight: FilterFlight) -> Array
     model, found = here.model, np.full(here.model.size, np.nan)
     found[0:3] = truth.pos_e[k] - here.y[0:3]
     found[3:6] = truth.vel_e[k] - here.y[3:6]
-    turn = mat_from_quat(truth.quat_eb[k]) @ mat_from_quat(here.y[QUAT:ACCEL_BIAS]).T
-    found[6:9] = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    found[6:9] = small_turn(mat_from_quat(truth.quat_eb[k]) @ mat_from_quat(here.y[QUAT:ACCEL_BIAS]).T)
     if model.biased:
         found[ACCEL : model.base] = flight.biases_b[k] - here.y[ACCEL_BIAS:EXTRAS]
     for extra, drift in flight.drifts.items():
